@@ -31,8 +31,8 @@ from typing import TYPE_CHECKING, Any
 from rover_sweep._version import __version__ as __version__
 
 if TYPE_CHECKING:
-    from rover_sweep.api.compare import compare as compare
     from rover_sweep.api.diagnose import FullDiagnosis as FullDiagnosis
+    from rover_sweep.api.diagnose import compare as compare
     from rover_sweep.api.diagnose import diagnose as diagnose
     from rover_sweep.api.diagnose import load_diagnosis as load_diagnosis
     from rover_sweep.api.identify import Result as Result
@@ -42,8 +42,8 @@ if TYPE_CHECKING:
     from rover_sweep.api.read import read as read
     from rover_sweep.api.simulate import Simulation as Simulation
     from rover_sweep.api.simulate import simulate as simulate
-    from rover_sweep.api.speed_result import SpeedIdentification as SpeedIdentification
-    from rover_sweep.api.speed_result import identify_speed as identify_speed
+    from rover_sweep.api.speed import SpeedIdentification as SpeedIdentification
+    from rover_sweep.api.speed import identify_speed as identify_speed
     from rover_sweep.errors import DataRefused as DataRefused
     from rover_sweep.errors import RoverSweepError as RoverSweepError
     from rover_sweep.errors import UsageError as UsageError
@@ -56,10 +56,9 @@ if TYPE_CHECKING:
 _HOMES = {
     "api.read": ("Runs", "read"),
     "api.identify": ("Result", "identify", "load_result"),
-    "api.compare": ("compare",),
-    "api.diagnose": ("FullDiagnosis", "diagnose", "load_diagnosis"),
+    "api.diagnose": ("FullDiagnosis", "compare", "diagnose", "load_diagnosis"),
     "api.simulate": ("Simulation", "simulate"),
-    "api.speed_result": ("SpeedIdentification", "identify_speed"),
+    "api.speed": ("SpeedIdentification", "identify_speed"),
     "identification.conversion": ("to_control", "to_scipy"),
     "manoeuvre.multisine": ("Multisine",),
     "spectra.harmonics": ("Harmonics", "harmonics"),

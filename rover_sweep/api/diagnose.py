@@ -10,18 +10,21 @@ from typing import TYPE_CHECKING, Any
 
 from rover_sweep.api.diagnosis_input import candidates_left, diagnosed, material, nominal_of, time_limit_of
 from rover_sweep.api.read import Location, Runs
-from rover_sweep.data.later import keyed_frame
-from rover_sweep.data.recording import Recording
-from rover_sweep.data.result_table import ShortTable, Shown, plain_number
-from rover_sweep.diagnosis.result import Diagnosis
-from rover_sweep.diagnosis.settings import BASELINES, DiagnosisSettings
-from rover_sweep.errors import UsageError
+from rover_sweep.comparison.answer import Comparison
+from rover_sweep.comparison.common_model import FittedSide
+from rover_sweep.comparison.compare import Compared
+from rover_sweep.comparison.compare import compare as sides_compared
+from rover_sweep.data.recording import Recording, keyed_frame
+from rover_sweep.data.results import ShortTable, Shown, plain_number
+from rover_sweep.diagnosis.result import BASELINES, Diagnosis, DiagnosisSettings
+from rover_sweep.diagnosis.simulation.experiment import experiment, in_order
+from rover_sweep.errors import DataRefused, UsageError
 from rover_sweep.files.documents import read_json
-from rover_sweep.report.diagnosis.origin import DiagnosisOrigin
-from rover_sweep.report.wording.provenance import provenance
+from rover_sweep.report.diagnosis.diagnosis_json import DiagnosisOrigin
+from rover_sweep.report.wording import provenance
 
 if TYPE_CHECKING:
-    from rover_sweep.report.diagnosis.report_folder import DiagnosisFiles
+    from rover_sweep.report.diagnosis.page import DiagnosisFiles
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -42,8 +45,7 @@ class FullDiagnosis(Shown, Diagnosis):
                 rows.append((names[0], v.name, plain_number(v.value, 3), interval, v.unit, *names[1:]))
         headings = ("left out", "", "value", "90 %", "unit", "or else", "removed")
         notes = [f"unknown in {self.unknown.channel}: {self.unknown.sentence}"] if self.unknown else []
-        from rover_sweep.report.wording.bound_words import hiding_words
-        from rover_sweep.report.wording.effect_names import title
+        from rover_sweep.report.wording import hiding_words, title
 
         hiding = hiding_words(self.cannot_see)
         notes += [f"could still hide (95 %): {hiding}"] if hiding else []
@@ -61,7 +63,7 @@ class FullDiagnosis(Shown, Diagnosis):
         >>> found.plot("run4").shape[1]
         2
         """
-        from rover_sweep.drawing.of_diagnosis import draw_diagnosis
+        from rover_sweep.drawing.drawn import draw_diagnosis
 
         return draw_diagnosis(self, run, axes)
 
@@ -70,7 +72,7 @@ class FullDiagnosis(Shown, Diagnosis):
 
         axes: as many to draw on; default a new figure. UsageError without a curve.
         """
-        from rover_sweep.drawing.of_diagnosis import draw_curves
+        from rover_sweep.drawing.drawn import draw_curves
 
         return draw_curves(self.curves, axes)
 
@@ -95,7 +97,7 @@ class FullDiagnosis(Shown, Diagnosis):
 
     def report(self, directory: Location) -> DiagnosisFiles:
         """Write diagnosis.html and diagnosis.json into a folder."""
-        from rover_sweep.report.diagnosis.report_folder import write_diagnosis
+        from rover_sweep.report.diagnosis.page import write_diagnosis
 
         return write_diagnosis(self, Path(directory), self.origin)
 
@@ -193,7 +195,7 @@ def load_diagnosis(path: Location) -> FullDiagnosis:
     except (OSError, UnicodeDecodeError) as error:
         raise UsageError(f"{path} cannot be read: {error}") from None
     if _is_report(text):
-        from rover_sweep.report.diagnosis.read_json import read_diagnosis
+        from rover_sweep.report.diagnosis.diagnosis_json import read_diagnosis
 
         return _full(read_diagnosis(path), DiagnosisOrigin())
     found = loads(text, str(path))
@@ -218,3 +220,79 @@ def _is_report(text: str) -> bool:
 def _listed(names: Sequence[str]) -> tuple[str, ...]:
     """A single id counts as a list of one."""
     return (names,) if isinstance(names, str) else tuple(names)
+
+
+# Compare a simulation with recordings in Python: `rs.compare`.
+#
+# import rover_sweep as rs
+# runs = rs.read("run1.BIN", "run2.BIN", "run3.BIN", vehicle="rover.toml")
+# answer = rs.compare(runs, rs.read("sim1.BIN", "sim2.BIN", "sim3.BIN", vehicle="rover.toml"))
+# answer.differences[0].sentence
+
+
+HALF = 0.5  # probability of something without a name, from which none is given
+
+
+def compare(
+    runs: Runs,
+    simulated: Sequence[Recording],
+    held_out: Sequence[Recording] = (),
+    *,
+    diagnosis: Diagnosis | None = None,
+    effects: Sequence[str] | None = None,
+    seed: int = 1,
+    progress: Callable[[str, float], None] | None = None,
+    stop: Callable[[], bool] | None = None,
+) -> Comparison:
+    """Compare a simulation with the recordings whose steering and speed drove it.
+
+    simulated: runs of the simulation, from any simulator, each with the steering of one of `runs` or
+    `held_out`. held_out: recorded runs that only check the answer. diagnosis: of `runs`, made if missing.
+    effects: names of the laws that the simulation has, where they are known; None searches them.
+    UsageError for wrong arguments, DataRefused for runs that cannot be compared.
+    """
+    if not isinstance(runs, Runs) or runs.vehicle is None:
+        raise UsageError(
+            'the first argument must be runs with their vehicle: rs.read(..., vehicle="rover.toml")'
+        )
+    if not len(simulated):
+        raise UsageError(
+            "there is no simulated run to compare; give rs.read(...) of the simulation's recordings"
+        )
+    found = diagnosis or diagnose(runs, held_out, seed=seed, progress=progress, stop=stop)
+    return compared(
+        tuple(runs), tuple(held_out), tuple(simulated), found, effects, seed, progress, stop
+    ).answer
+
+
+def compared(
+    runs: Sequence[Recording],
+    held_out: Sequence[Recording],
+    simulated: Sequence[Recording],
+    found: Diagnosis,
+    effects: Sequence[str] | None = None,
+    seed: int = 1,
+    progress: Callable[[str, float], None] | None = None,
+    stop: Callable[[], bool] | None = None,
+    fitted: dict[tuple[str, ...], FittedSide] | None = None,
+) -> Compared:
+    """`compare` with what pictures and corrections need. DataRefused where the recordings were refused.
+
+    fitted: as in `rover_sweep.comparison.compare`, for several comparisons of the same recordings.
+    """
+    if found.model is None:
+        raise DataRefused(f"the recordings cannot be compared with a simulation: {found.sentence}")
+    used = [*(experiment(run) for run in runs), *(experiment(run) for run in held_out)]
+    ordered = in_order(used)
+    return sides_compared(
+        ordered[: len(runs)],
+        ordered[len(runs) :],
+        in_order([experiment(run) for run in simulated]),
+        found.model,
+        effects,
+        seed,
+        progress or (lambda what, share: None),
+        stop or (lambda: False),
+        fitted,
+        (found.p_else or 0.0) >= HALF,
+    )

@@ -10,24 +10,22 @@ from pathlib import Path
 from typing import Any
 
 from rover_sweep.api.known_steering import has_linkage, known
-from rover_sweep.api.run_roles import doublets_apart, refuse_overlap, refuse_without_sweep
+from rover_sweep.api.read import doublets_apart, refuse_overlap, refuse_without_sweep
 from rover_sweep.data.geometry import Geometry
 from rover_sweep.data.recording import Recording
 from rover_sweep.data.vehicle_file import Vehicle
 from rover_sweep.data.vehicle_geometry import geometry_of, tolerances_of
 from rover_sweep.diagnosis.effects import library
-from rover_sweep.diagnosis.result import Diagnosis
-from rover_sweep.diagnosis.settings import BASELINES, START, Baseline, DiagnosisSettings
+from rover_sweep.diagnosis.result import BASELINES, START, Baseline, Diagnosis, DiagnosisSettings
 from rover_sweep.errors import DataRefused, UsageError
 from rover_sweep.files.documents import read_json
-from rover_sweep.identification.baseline import determined_model
 from rover_sweep.identification.grouping import Group, Settings, grouped
-from rover_sweep.identification.imu_place import wrong_place_in
-from rover_sweep.quality.faults import OPTIONAL, faulty_channels, without_faulty
-from rover_sweep.quality.length import with_length
+from rover_sweep.identification.model_results import determined_model
+from rover_sweep.identification.pipeline import wrong_place_in
+from rover_sweep.quality.faults import OPTIONAL, faulty_channels, with_length, without_faulty
 from rover_sweep.quality.rovers import with_rovers
-from rover_sweep.report.diagnosis.origin import DiagnosisOrigin
-from rover_sweep.report.wording.provenance import Provenance
+from rover_sweep.report.diagnosis.diagnosis_json import DiagnosisOrigin
+from rover_sweep.report.wording import Provenance
 
 NOTHING_HELD_OUT = (
     "no run was held out, so the result is not tested on other data: drive a doublet or one more sweep, "

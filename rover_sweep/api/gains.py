@@ -63,9 +63,9 @@ def read_identified(place: Path, name: str | None) -> Identified:
     try:
         if document.get("format") == "rover-sweep identification":
             return from_identification(document, name)
-        if document.get("format") == "rover-sweep diagnosis" or _saved(document, ":FullDiagnosis"):
+        if document.get("format") == "rover-sweep diagnosis" or _saved(document, "FullDiagnosis"):
             return _diagnosed(path, name)
-        if _saved(document, ":Result"):
+        if _saved(document, "Result"):
             return from_identification(_result_document(path), name)
     except (KeyError, TypeError, ValueError, IndexError) as error:
         why = {KeyError: f"{error} is missing", ValueError: str(error)}.get(
@@ -114,7 +114,7 @@ def _json(path: Path) -> dict[str, Any]:
 
 def _saved(document: dict[str, Any], kind: str) -> bool:
     saved = document.get("result")
-    return isinstance(saved, dict) and str(saved.get("is", "")).endswith(kind)
+    return isinstance(saved, dict) and saved.get("is") == kind
 
 
 def _result_document(path: Path) -> dict[str, Any]:

@@ -6,6 +6,7 @@ All values are in SI units and ISO axes (x forward, y left, z up); frequencies a
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
@@ -13,26 +14,147 @@ from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rover_sweep.api.identify_settings import check_settings, parameter_names
-from rover_sweep.api.read import Location, Runs
-from rover_sweep.api.recommended_numbers import with_numbers
-from rover_sweep.api.run_roles import fitted_and_verified
-from rover_sweep.api.structure_files import load_structures
-from rover_sweep.data.later import joined_frames
-from rover_sweep.data.recording import Recording
+from rover_sweep.api.known_steering import known
+from rover_sweep.api.read import Location, Runs, fitted_and_verified, load_structures
+from rover_sweep.data.recording import Recording, joined_frames
+from rover_sweep.data.results import LEVEL, ByName, Intervals
 from rover_sweep.data.vehicle_file import Vehicle
-from rover_sweep.data.vehicle_geometry import MODEL_NAMES, geometry_of
+from rover_sweep.data.vehicle_geometry import MODEL_NAMES, geometry_of, tolerances_of
 from rover_sweep.errors import UsageError
+from rover_sweep.identification.acceptance import identified_runs, usable
+from rover_sweep.identification.fit import Estimate
 from rover_sweep.identification.grouping import FITTED, MODELS, Settings
-from rover_sweep.identification.model_results import ModelResult
+from rover_sweep.identification.model_results import PHYSICAL, ModelResult
+from rover_sweep.identification.models import COLUMNS, ROWS
 from rover_sweep.identification.pipeline import Identification
 from rover_sweep.identification.pipeline import identify as run_identification
-from rover_sweep.identification.structure.state_space import OUTPUTS, ModelStructure
-from rover_sweep.report.wording.provenance import Provenance, provenance
+from rover_sweep.identification.state_space import OUTPUTS, ModelStructure
+from rover_sweep.report.wording import Provenance, provenance
 from rover_sweep.spectra.response import Band, FrequencyResponse
 
 if TYPE_CHECKING:
-    from rover_sweep.report.identification.report_folder import ReportFiles
+    from rover_sweep.report.identification.page import ReportFiles
+
+# Checks the settings of an identification against the runs, before the fit.
+
+
+STEERED = ("delta", "pwm", "r", "p", "phi", "psi", "ay", "vy")
+
+
+def parameter_names(names: Sequence[str]) -> tuple[str, ...]:
+    """Model parameters, given by name or by key of the vehicle file; UsageError for unknown names."""
+    derivatives = [f"{row}_{column}" for row in ROWS for column in COLUMNS]
+    known = [*MODEL_NAMES.values(), "C", "Cf", "Cr", "k_phi", "b_phi", "tau", *derivatives]
+    found = tuple(MODEL_NAMES.get(name, name) for name in names)
+    for name in found:
+        if name not in known:
+            raise UsageError(f"there is no parameter {name!r}; choose from {', '.join(known)}")
+    return found
+
+
+def check_settings(settings: Settings, runs: Sequence[Recording]) -> None:
+    """UsageError for settings that are impossible with these runs."""
+    longest = max(run.span[1] - run.span[0] for run in runs)
+    fastest = math.pi * min(run[c].rate for run in runs for c in ("delta", "r") if c in run)
+    limits = (x for band in settings.bands.values() for x in band)
+    numbers = [*(settings.band or ()), *(settings.windows or ()), *limits]
+    if not all(math.isfinite(x) for x in numbers):
+        raise UsageError("frequencies and window lengths must be finite numbers")
+    if "r" not in settings.fitted:
+        raise UsageError("the fit needs the yaw rate: --fit r, r,ay or r,ay,p")
+    if settings.bootstrap != 0 and settings.bootstrap < 20:
+        raise UsageError(
+            f"{settings.bootstrap} bootstrap replicates are too few; use 20 or more, or 0 for none"
+        )
+    if settings.windows and not 0.5 <= min(settings.windows) <= max(settings.windows) <= longest:
+        raise UsageError(f"window lengths must be between 0.5 s and the longest run, {longest:.3g} s")
+    if settings.band and settings.band[1] > fastest:
+        raise UsageError(
+            f"--wmax {settings.band[1]:g} is above the highest frequency of these logs, {fastest:.3g} rad/s "
+            "(half the sampling rate of steering or yaw rate)"
+        )
+    if settings.band and settings.band[0] < 2 * math.pi / longest:
+        raise UsageError(
+            f"--wmin {settings.band[0]:g} rad/s has a period longer than the longest run, {longest:.3g} s"
+        )
+    _check_inputs(settings.condition_on, runs)
+    for name, (low, high) in settings.bands.items():
+        if high > fastest or low < 2 * math.pi / longest or high < 1.5 * low:
+            within = f"{2 * math.pi / longest:.2g} and {fastest:.3g} rad/s"
+            raise UsageError(
+                f"--band {name}={low:g}:{high:g} must be between {within} and span a factor of 1.5 or more"
+            )
+
+
+def _check_inputs(names: Sequence[str], runs: Sequence[Recording]) -> None:
+    """UsageError for further inputs that were not recorded, or that are the steering or an output."""
+    for name in names:
+        if name in STEERED:
+            raise UsageError(f"{name} is the steering or follows it; condition on an independent input")
+        lacking = [run for run in runs if name not in run]
+        if lacking:
+            there = ", ".join(c for c in lacking[0].channels if c not in STEERED) or "nothing else"
+            raise UsageError(f"{lacking[0].name} has no {name!r} to condition on; it holds {there}")
+
+
+# The numbers of an identified rover, with what its vehicle file and its parts leave open allowed for.
+
+
+CHANNELS = {"r": "r", "ay": "ay", "p": "p", "vydot": "vy"}  # {response: what is recorded of it}
+SEED = 1
+WIDTH = 3.29  # of a Gaussian's 90 % interval, in standard deviations
+
+
+def with_numbers(found: Identification, vehicle: Vehicle) -> Identification:
+    """The identification with `numbers`, or with a sentence on why there are none.
+
+    None unless the most complete model with tyres that the runs determine is the recommended one, and none
+    where it differs from the runs by more than the noise and normal tolerances: numbers of a wrong model are
+    no rover's.
+    """
+    models = usable(found)
+    name = next((n for n in PHYSICAL if n in models), "")  # the most complete one that the runs determine
+    if not name or found.recommended != name:
+        return found
+    from rover_sweep.diagnosis.posterior.parameter_intervals import fitted_baseline, rover_numbers
+    from rover_sweep.diagnosis.verdict import NOTABLE
+
+    wanted = {CHANNELS.get(output) for output in models[name].fit.costs}
+    left_out = set(CHANNELS.values()) - wanted
+    runs = [
+        replace(run, channels={c: s for c, s in run.channels.items() if c not in left_out})
+        for run in identified_runs(found)
+    ]
+    spread = known(vehicle, tolerances_of(vehicle)).spread
+    fitted = fitted_baseline(runs, found.geometry, name, spread)  # type: ignore[arg-type]
+    if fitted is None:
+        return found
+    channel, misfit = max(fitted.misfit.items(), key=lambda item: item[1])
+    if misfit > NOTABLE:
+        why = (
+            f"the {name} model differs from the runs by {misfit**0.5:.1f} times the noise in {channel}, more "
+            "than normal tolerances of a rover: its numbers hold for the fitted responses alone; "
+            "`rover-sweep diagnose` with the same runs finds what it leaves out"
+        )
+        return replace(found, summary=(*found.summary, why))
+    return replace(
+        found,
+        numbers=ByName(
+            Estimate(
+                v.name,
+                v.unit,
+                v.value,
+                True,
+                None,
+                None,
+                meaning=v.meaning,
+                interval=Intervals(v.name, v.low, v.high, LEVEL, (v.high - v.low) / WIDTH, 0.0, 0, 0),
+            )
+            for v in rover_numbers(fitted, SEED)
+            if v.low is not None and v.high is not None
+        ),
+    )
+
 
 ONE = (str, os.PathLike, ModelStructure, Recording)  # given alone instead of in a sequence
 
@@ -72,7 +194,7 @@ class Result(Identification):
         >>> result.plot(["r", "ay"], models=["roll-yaw"]).shape
         (3, 2)
         """
-        from rover_sweep.drawing.of_response import draw_responses
+        from rover_sweep.drawing.drawn import draw_responses
 
         return draw_responses(self, outputs, models, group, axes)
 
@@ -102,8 +224,8 @@ class Result(Identification):
         >>> result.report("report").page.name
         'report.html'
         """
-        from rover_sweep.report.identification.report_folder import write_report
-        from rover_sweep.report.wording.shown_units import SHOWN_UNITS
+        from rover_sweep.report.identification.page import write_report
+        from rover_sweep.report.wording import SHOWN_UNITS
 
         if units not in SHOWN_UNITS:
             raise UsageError(f"there are no units {units!r}; choose from {', '.join(SHOWN_UNITS)}")

@@ -6,28 +6,141 @@ or on a simulated one. Nothing here connects to a vehicle.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator, Sequence
-from dataclasses import dataclass, replace
-from typing import Protocol
+import math
+from collections.abc import Callable, Generator, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
 
 from rover_sweep.api.diagnosis_input import Material, diagnosed, material
 from rover_sweep.api.known_steering import known
-from rover_sweep.api.plan import as_planned, planning_limits
+from rover_sweep.data.geometry import FRICTION, GRAVITY, NEAR
 from rover_sweep.data.recording import Recording
 from rover_sweep.data.vehicle_file import Vehicle
 from rover_sweep.data.vehicle_geometry import geometry_of, tolerances_of
 from rover_sweep.design.demand import space
-from rover_sweep.diagnosis.plans.next_run import Odds, RunValue, effects_of, run_values
-from rover_sweep.diagnosis.plans.plan_result import Limits, PlannedRun
-from rover_sweep.diagnosis.plans.planner import Planner
-from rover_sweep.diagnosis.plans.proposals import candidates, largest_amplitude, manoeuvre_for
-from rover_sweep.diagnosis.result import Diagnosis
-from rover_sweep.diagnosis.settings import DiagnosisSettings
+from rover_sweep.diagnosis.plans.plan import Odds, RunValue, effects_of, run_values
+from rover_sweep.diagnosis.plans.planner import (
+    Limits,
+    Plan,
+    PlannedRun,
+    Planner,
+    candidates,
+    largest_amplitude,
+    manoeuvre_for,
+)
+from rover_sweep.diagnosis.result import Diagnosis, DiagnosisSettings
 from rover_sweep.diagnosis.simulation.experiment import experiment
 from rover_sweep.errors import UsageError
-from rover_sweep.investigation.decide import SAME, first_run, next_step
-from rover_sweep.investigation.next_step import Means, NextStep
-from rover_sweep.investigation.open_questions import told
+from rover_sweep.files.documents import read_json
+from rover_sweep.files.replaced import write_file
+from rover_sweep.investigation.decide import SAME, Means, NextStep, first_run, next_step, told
+from rover_sweep.report.wording import plain, strict_json
+
+# Plans runs: turns recorded or intended runs and a vehicle file into the input of a plan.
+
+
+BIAS_SHARE = 0.3  # of the amplitude; a sweep with a larger mean is a sweep about a bias
+SLOWEST, FASTEST = 0.8, 12.0  # m/s, of proposed runs
+
+
+def plan_runs(
+    runs: Sequence[PlannedRun],
+    vehicle: Vehicle,
+    wanted: Sequence[str] = (),
+    driven: Sequence[Recording] = (),
+    progress: Callable[[str, float], None] | None = None,
+) -> Plan:
+    """Which effects these runs can detect and separate, and which runs to add.
+
+    wanted: effect ids, all effects if empty. Effects that a bench has settled are not looked for unless they
+    are wanted. driven: the recordings of the runs that have a name. progress: called with the current step
+    and the share done, 0 to 1. UsageError if the vehicle file has no steering scale, which turns an amplitude
+    into an angle, or if no run can show any of the wanted effects.
+    """
+    from rover_sweep.diagnosis.plans.plan import plan
+    from rover_sweep.diagnosis.simulation.experiment import experiment
+
+    _, rad_per_us = vehicle.steering()
+    _refuse_nothing_wanted(wanted, vehicle)
+    bench = known(vehicle, tolerances_of(vehicle))
+    settled = {effect: why for effect, why in bench.settled.items() if effect not in wanted}
+    return plan(
+        tuple(runs),
+        geometry_of(vehicle),
+        abs(rad_per_us),
+        planning_limits(vehicle),
+        tuple(wanted),
+        bench.spread,
+        {run.name: experiment(run) for run in driven},
+        progress,
+        settled,
+    )
+
+
+def _refuse_nothing_wanted(wanted: Sequence[str], vehicle: Vehicle) -> None:
+    """UsageError if no run can show any of the wanted effects with the baseline of the plan."""
+    from rover_sweep.diagnosis.plans.planner import Planner
+
+    geometry, (_, rad_per_us) = geometry_of(vehicle), vehicle.steering()
+    planner = Planner(geometry, abs(rad_per_us), wanted, tolerances_of(vehicle), {}, lambda what, share: None)
+    if wanted and not planner.asked:
+        raise UsageError(
+            f"no run can show {', '.join(wanted)} with the {planner.model.baseline} baseline of this plan; "
+            f"choose from {', '.join(effect.id for effect in planner.effects)}"
+        )
+
+
+def planning_limits(vehicle: Vehicle) -> Limits:
+    """Limits of proposed runs: the friction share at which the report warns, and the limits of the applet."""
+    from rover_sweep.design.advice import PWM_MAX
+
+    friction = vehicle.friction.value if vehicle.friction else FRICTION
+    source = "of the vehicle file" if vehicle.friction else "assumed, since the vehicle file gives none"
+    why = f"{100 * NEAR:.0f} % of the friction limit, friction {friction:g} {source}"
+    return Limits(NEAR * friction * GRAVITY, float(PWM_MAX), (SLOWEST, FASTEST), why)
+
+
+def merged(runs: Sequence[PlannedRun]) -> tuple[PlannedRun, ...]:
+    """Equal runs merged into one with a repeat count, in their first order."""
+    found: dict[PlannedRun, int] = {}
+    for run in runs:
+        single = replace(run, repeat=1)
+        found[single] = found.get(single, 0) + run.repeat
+    return tuple(replace(run, repeat=n) for run, n in found.items())
+
+
+def as_planned(run: Recording, vehicle: Vehicle) -> PlannedRun:
+    """A recorded run as a run of a plan: amplitude and bias of its steering, speed, heading.
+
+    UsageError if it has no speed.
+    """
+    _, rad_per_us = vehicle.steering()
+    steering = run.manoeuvre("delta").x / abs(rad_per_us)
+    low, high = np.percentile(steering, (1, 99))
+    amplitude, bias = float(high - low) / 2, -float(np.mean(steering))
+    if "speed" not in run:
+        raise UsageError(f"{run.name} has no recorded speed, which a plan needs")
+    bent = run.kind == "sweep" and abs(bias) > BIAS_SHARE * amplitude
+    return PlannedRun(
+        "bias_sweep" if bent else "other" if run.kind == "throttle" else run.kind,
+        round(amplitude),
+        round(run.mean_speed, 2),
+        _heading(run),
+        round(bias) if bent else 0.0,
+        name=run.name,
+    )
+
+
+def _heading(run: Recording) -> float | None:
+    """Mean direction of the drive [deg, clockwise from north], None where it is not recorded."""
+    if "psi" not in run:
+        return None
+    psi = run.manoeuvre("psi").x
+    return round(-math.degrees(math.atan2(np.mean(np.sin(psi)), np.mean(np.cos(psi))))) % 360.0
+
 
 MOST_RUNS = 6
 USUAL_SPEED = 2.4  # m/s
@@ -221,3 +334,78 @@ def fits(run: PlannedRun, vehicle: Vehicle, ground: tuple[float, float] | None) 
 
 def _fitting_first(means: Means, first: PlannedRun, vehicle: Vehicle, bounds: Bounds) -> Means:
     return means if fits(first, vehicle, bounds.ground) else replace(means, choices=())
+
+
+# investigation.json: the steps of an investigation with their reasons, for programs.
+
+
+FORMAT, FORMAT_VERSION = "rover-sweep investigation", 1
+DOCUMENT = "investigation.json"
+
+
+def investigation_document(
+    decisions: Sequence[Decision], earlier: Sequence[Mapping[str, Any]] = ()
+) -> dict[str, Any]:
+    """All steps in plain JSON types, those of an earlier call first.
+
+    proposal and settles: the run to drive now and its reason, as in the JSON of `plan`. Of a step:
+    expected_bits of its run, told_bits of the run before it.
+    """
+    step = decisions[-1].step
+    steps = [*earlier, *(_step(decision) for decision in decisions)]
+    return plain(
+        {
+            "format": FORMAT,
+            "format_version": FORMAT_VERSION,
+            "settled": step.action == "settled",
+            "action": step.action,
+            "sentence": step.reason,
+            "effects": step.effects,
+            "proposal": [asdict(step.run)] if step.run else [],
+            "settles": [step.reason] if step.run else [],
+            "steps": [{"number": n, **one} for n, one in enumerate(steps, 1)],
+            "units": "amplitude_us, bias_us: us; speed: m/s; heading: deg clockwise from north, null for any",
+        }
+    )
+
+
+def _step(decision: Decision) -> dict[str, Any]:
+    step, found = decision.step, decision.diagnosis
+    return {
+        "runs": decision.runs,
+        "verdict": found.verdict if found else None,
+        "findings": [
+            {"effect": f.effect, "look_alikes": f.look_alikes, "probability": f.probability}
+            for f in (found.findings if found else ())
+        ],
+        "action": step.action,
+        "reason": step.reason,
+        "run": asdict(step.run) if step.run else None,
+        "expected_bits": step.bits,
+        "told_bits": decision.told,
+    }
+
+
+def write_investigation(
+    folder: Path, decisions: Sequence[Decision], earlier: Sequence[Mapping[str, Any]]
+) -> Path:
+    """Replace investigation.json in a folder; UsageError where it cannot be written."""
+    return write_file(folder / DOCUMENT, strict_json(investigation_document(decisions, earlier)))
+
+
+def steps_before(folder: Path) -> tuple[Mapping[str, Any], ...]:
+    """The steps that an earlier call wrote into the folder; () without a document.
+
+    UsageError for a damaged document, which would be lost when it is written again.
+    """
+    path = folder / DOCUMENT
+    try:
+        steps = read_json(path.read_text(encoding="utf-8"))["steps"]
+        return tuple({k: v for k, v in step.items() if k != "number"} for step in steps)
+    except (FileNotFoundError, NotADirectoryError):
+        return ()
+    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+        raise UsageError(
+            f"{path} cannot be read as the steps of an investigation ({error}); rename it to keep it, "
+            "or give another folder"
+        ) from None

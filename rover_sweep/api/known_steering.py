@@ -13,10 +13,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rover_sweep.data.material_sizes import MATERIAL
+from rover_sweep.data.geometry import Tolerances
 from rover_sweep.data.recording import Array, Recording, Signal
-from rover_sweep.data.tolerances import Tolerances
 from rover_sweep.data.vehicle_file import Measured, Vehicle
+from rover_sweep.data.vehicle_rules import MATERIAL
 
 HALF_90 = 1.645  # half width of a 90 % interval in standard deviations
 # effect: (its parameter, the number of the vehicle file, unit)
@@ -61,7 +61,7 @@ def through_linkage(run: Recording, vehicle: Vehicle) -> Recording:
     """
     if not has_linkage(vehicle):
         return run
-    from rover_sweep.bench.linkage import curve, wheel_behind_gap
+    from rover_sweep.bench.static_curve import curve, wheel_behind_gap
 
     delta, q = run["delta"], {p: n.value for p, n in _numbers(vehicle).items()}
     wanted = curve(delta.x, q.get("e", 0.0), q.get("c3", 0.0), q.get("w", 0.0))
@@ -82,7 +82,7 @@ def behind_servo(wanted: Signal, lag: float, slowness: float, gap: float) -> Sig
     wanted: commanded angle [rad], held between samples, as the result. The real servo has the lag [s], the
     rate limit 1/slowness [rad/s] and, behind it, backlash of half gap `gap` [rad].
     """
-    from rover_sweep.bench.linkage import driven
+    from rover_sweep.bench.static_curve import driven
 
     t = _finer(wanted.t)
     wheel = driven(wanted.t, wanted.x, t, lag, slowness, gap, 0.0)
@@ -106,7 +106,7 @@ def known(vehicle: Vehicle, spread: Tolerances) -> Known:
     An effect is settled if the uncertainty of its measurement is smaller than the size that matters.
     """
     from rover_sweep.diagnosis.effects import library
-    from rover_sweep.diagnosis.search.material import material_sizes
+    from rover_sweep.diagnosis.search import material_sizes
 
     settled = {}
     for effect, (parameter, key, unit) in MEASURED.items():

@@ -6,27 +6,261 @@ of a session.
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations, product
 from os import PathLike
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from rover_sweep.api.known_steering import through_linkage
-from rover_sweep.api.trial_source import sources_without, trial_source
-from rover_sweep.data.recording import Recording, grouped_warnings, steered
-from rover_sweep.data.result_table import ShortTable, Shown, plain_number
-from rover_sweep.data.run_names import named, source_names
+from rover_sweep.data.recording import Note, Recording, grouped_warnings, named, source_names, steered
+from rover_sweep.data.results import ShortTable, Shown, plain_number
 from rover_sweep.data.vehicle_file import Vehicle
 from rover_sweep.data.vehicle_file import load as load_vehicle
 from rover_sweep.errors import DataRefused, UsageError
+from rover_sweep.identification.grouping import MODELS
+from rover_sweep.identification.state_space import ModelStructure
+from rover_sweep.identification.toml_form import StructureError, structure_from_text
 from rover_sweep.logs.read import read_runs
 from rover_sweep.quality.coherence import CoherenceTable, assess
-from rover_sweep.quality.length import each_with_length
-from rover_sweep.quality.rovers import with_rovers
-from rover_sweep.quality.steering_lock import stopped_at
+from rover_sweep.quality.faults import each_with_length, is_unexcited
+from rover_sweep.quality.rovers import stopped_at, with_rovers
 from rover_sweep.session.folder import is_session, kept_vehicle_file
-from rover_sweep.session.recordings import session_runs
+from rover_sweep.session.session import session_runs
+
+# Divides runs into those to fit and those to verify on, and refuses runs in both.
+
+
+LEFT_OUT = (
+    "is not fitted: a sweep about a steering offset shows the rover near a steady turn, and the other "
+    "runs show it near straight driving; identify it alone, or use it in diagnose"
+)
+
+
+_BLOCK = 64  # samples of a run that no other run has
+_ROUNDED = 1e-3  # a copy's rounding over the standard deviation of the yaw rate
+_GRID, _SAME_DRIVE = 50.0, 0.95  # Hz; correlation of two logs of one drive, without a shift in time
+
+
+def divided(runs: Sequence[Recording]) -> tuple[tuple[Recording, ...], tuple[Recording, ...]]:
+    """(runs to fit, doublets to verify on); DataRefused where no run can be fitted.
+
+    A linear model is valid about one operating point, so sweeps about a steering offset are left out when
+    there are straight runs; the first of these gets a note.
+    """
+    refuse_without_sweep(runs)
+    others, doublets = doublets_apart(runs)
+    biased = [run.name for run in others if run.kind == "bias_sweep"]
+    straight = tuple(run for run in others if run.kind != "bias_sweep")
+    if not biased or not straight:
+        return others, doublets
+    note = Note("warning", f"{', '.join(biased)} {LEFT_OUT}")
+    return (replace(straight[0], notes=(*straight[0].notes, note)), *straight[1:]), doublets
+
+
+def fitted_and_verified(
+    runs: Sequence[Recording], verify: Sequence[Recording] = ()
+) -> tuple[tuple[Recording, ...], tuple[Recording, ...]]:
+    """(runs to fit, runs to verify on); by default verified on the doublets. UsageError for a run in both."""
+    for run in verify:
+        if not isinstance(run, Recording):
+            raise UsageError(f'verify: {run!r} is no run; give runs that were read, such as [runs["run4"]]')
+    fitted, doublets = divided(runs)
+    checks = tuple(verify) or doublets
+    refuse_overlap(fitted, checks)
+    return fitted, checks
+
+
+def doublets_apart(runs: Sequence[Recording]) -> tuple[tuple[Recording, ...], tuple[Recording, ...]]:
+    """(other runs, doublets)."""
+    doublets = tuple(r for r in runs if r.kind == "doublet")
+    return tuple(r for r in runs if r.kind != "doublet"), doublets
+
+
+def refuse_without_sweep(runs: Sequence[Recording]) -> None:
+    """DataRefused where no run can be fitted, because all are doublets or have no excitation."""
+    if why := why_not_fitted(runs):
+        raise DataRefused(why)
+
+
+def why_not_fitted(runs: Sequence[Recording]) -> str:
+    """A sentence on why no run can be fitted, "" if one can."""
+    others, doublets = doublets_apart(runs)
+    if not runs or not all(map(is_unexcited, others)):
+        return ""
+    names = ", ".join(run.name for run in doublets or others)
+    if doublets:
+        are = "is a doublet" if len(doublets) == 1 else "are doublets"
+        return (
+            f"{names} {are}; a sweep is needed: a doublet verifies a model, but it excites too few "
+            "frequencies to fit one; give a sweep too"
+        )
+    return (
+        f"no steering excitation in {names}: the steering is constant; drive a sweep, or give the column of "
+        "the steering command"
+    )
+
+
+def refuse_overlap(sweeps: Sequence[Recording], checks: Sequence[Recording]) -> None:
+    """UsageError for a run that is given twice, or both fitted and verified on; copies count as one file."""
+    for group in (sweeps, checks):
+        for one, two in combinations(group, 2):
+            if same_recording(one, two):
+                problem = "is given twice" if one.name == two.name else f"is the same recording as {one.name}"
+                raise UsageError(f"{two.name} {problem}, so its noise would count as signal; give it once")
+    for sweep, check in product(sweeps, checks):
+        if same_recording(sweep, check):
+            copied = "" if sweep.name == check.name else f" (it is the same recording as {sweep.name})"
+            raise UsageError(
+                f"{check.name} is used both to identify and to verify{copied}; verify on another run"
+            )
+
+
+def same_recording(one: Recording, two: Recording) -> bool:
+    """True for the same drive, under any name: of one file (by SHA-256), of a copy, or of both its logs.
+
+    Runs of one file differ in their time, or in their yaw rate if the file holds trials with restarted
+    clocks. A copy, whole or in part, has the samples of the other. The two logs of one drive have the same
+    clock and yaw rate.
+    """
+    first, second = ({digest for _, digest in run.sources} for run in (one, two))
+    if not first & second:
+        return _copied(one, two) or _two_logs(one, two)
+    if first == second:
+        return one.span == two.span and np.array_equal(one["r"].x, two["r"].x)
+    shared = min(one.span[1], two.span[1]) - max(one.span[0], two.span[0])
+    nested = first < second or second < first
+    return nested and shared > 0.5 * min(run.span[1] - run.span[0] for run in (one, two))
+
+
+def _copied(one: Recording, two: Recording) -> bool:
+    """True where a block of the shorter run's yaw rates is in the other: noise never repeats.
+
+    The block has the largest changes, so two runs at rest do not count as copies. Rounded copies count.
+    """
+    short, long = sorted((one["r"].x, two["r"].x), key=np.size)
+    if short.size < _BLOCK or not short.std():
+        return False
+    turning = np.convolve(np.abs(np.diff(short, append=short[-1])), np.ones(_BLOCK), "valid")
+    start = int(np.argmax(turning))
+    block, alike = short[start : start + _BLOCK], _ROUNDED * short.std()
+    begins = np.flatnonzero(np.abs(long[: long.size - _BLOCK + 1] - block[0]) <= alike)
+    windows = np.lib.stride_tricks.sliding_window_view(long, _BLOCK)[begins]
+    return bool(np.any(np.all(np.abs(windows - block) <= alike, axis=1)))
+
+
+def _two_logs(one: Recording, two: Recording) -> bool:
+    """True for an onboard log and a telemetry log of one drive: both have the autopilot's clock."""
+    kinds = [{Path(name).suffix.lower() for name, _ in run.sources} for run in (one, two)]
+    if ".tlog" not in kinds[0] ^ kinds[1] or ".bin" not in kinds[0] | kinds[1]:
+        return False
+    begin, end = (choose(run.span[i] for run in (one, two)) for i, choose in enumerate((max, min)))
+    if end - begin < 0.5 * min(run.span[1] - run.span[0] for run in (one, two)):
+        return False
+    grid = np.arange(begin, end, 1 / _GRID)
+    return bool(np.corrcoef(one["r"].on(grid), two["r"].on(grid))[0, 1] > _SAME_DRIVE)
+
+
+# Reads a user's files of model structures, for `identify --structure`.
+
+
+StructureLocation = str | os.PathLike[str]
+
+
+def load_structures(paths: Sequence[StructureLocation | ModelStructure]) -> tuple[ModelStructure, ...]:
+    """The structures of these files. UsageError with all mistakes of a file, or when two have one name."""
+    found = tuple(p if isinstance(p, ModelStructure) else _load(Path(p)) for p in paths)
+    names = [*MODELS, "kinematic", *(s.name for s in found)]
+    if twice := [n for i, n in enumerate(names) if n in names[:i]]:
+        raise UsageError(f"a model named {twice[0]!r} exists already; rename the structure")
+    return found
+
+
+def _load(path: Path) -> ModelStructure:
+    try:
+        return structure_from_text(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError) as error:
+        raise UsageError(f"the structure {path} cannot be read: {error}") from None
+    except StructureError as error:
+        mistakes = str(error).replace("\n", "\n  ")
+        raise UsageError(f"{path} is not a structure:\n  {mistakes}") from None
+
+
+# One trial of a recording as a source: `runs.csv:3` is trial 3 of runs.csv.
+#
+# The label is the value in the column of `trial`, or the number of the run where the file has no such
+# column. A trial in which several runs were found gives all of them.
+
+
+@dataclass(frozen=True)
+class TrialSource:
+    """A source and the label of its only trial; "" for all trials."""
+
+    source: str
+    label: str = ""
+
+    def chosen(self, runs: Sequence[Recording]) -> list[Recording]:
+        """The runs of this trial; UsageError with the labels of the file where there is none."""
+        if not self.label:
+            return list(runs)
+        found = [run for run in runs if _is_of(self.label, self._rest(run))]
+        found = found or [run for run in runs if _is_of(f"run {self.label}", self._rest(run))]
+        if not found:
+            have = ", ".join(dict.fromkeys(rest for run in runs if (rest := self._rest(run))))
+            many = f"its trials with a run are {have}" if have else "it has only one run; give it as a whole"
+            raise UsageError(f"{Path(self.source).name} has no trial {self.label!r}: {many}")
+        return found
+
+    def without(self, others: Sequence[TrialSource], runs: Sequence[Recording]) -> list[Recording]:
+        """The runs without the trials of this file that are named among other sources."""
+        same = [o for o in others if o.label and Path(o.source).resolve() == Path(self.source).resolve()]
+        if self.label or not same:
+            return list(runs)
+        taken = {id(run) for other in same for run in other.chosen(runs)}
+        return [run for run in runs if id(run) not in taken]
+
+    def _rest(self, run: Recording) -> str:
+        """A run's name after that of its file."""
+        return run.name.removeprefix(Path(self.source).stem).strip()
+
+
+def trial_source(given: str) -> TrialSource:
+    """The source and its trial; a colon that belongs to the name of an existing file names no trial."""
+    source, colon, label = given.rpartition(":")
+    if colon and label.strip() and not Path(given).exists() and Path(source).expanduser().is_file():
+        return TrialSource(source, label.strip())
+    return TrialSource(given)
+
+
+def sources_without(sources: Sequence[str], apart: Sequence[str]) -> list[str]:
+    """The sources without the whole files in `apart`; its trials are left out when their file is read.
+
+    UsageError for a part of none of the sources: it would stay in the fit.
+    """
+    places = {given: Path(trial_source(given).source).resolve() for given in (*sources, *apart)}
+    for given in apart:
+        if places[given] not in {places[s] for s in sources}:
+            raise UsageError(f"without: {given} is not among what is read ({', '.join(sources)})")
+    whole = {places[given] for given in apart if not trial_source(given).label}
+    kept = [s for s in sources if places[s] not in whole]
+    if not kept:
+        raise UsageError("without leaves out everything that is read; leave some")
+    return kept
+
+
+def _is_of(label: str, rest: str) -> bool:
+    """True where the rest of a run's name begins with a label; numbers are equal by value, 3 and 3.0."""
+    if rest == label or rest.startswith(f"{label} "):
+        return True
+    try:
+        return float(rest.partition(" ")[0]) == float(label)
+    except ValueError:
+        return False
+
 
 Location = str | PathLike[str]
 
@@ -100,7 +334,7 @@ class Runs(Shown, Sequence[Recording]):
         >>> runs.plot(["pwm", "r"]).shape
         (2, 2)
         """
-        from rover_sweep.drawing.of_run import draw_runs
+        from rover_sweep.drawing.drawn import draw_runs
 
         return draw_runs(self.recordings, channels, axes)
 
@@ -113,7 +347,7 @@ class Runs(Shown, Sequence[Recording]):
         """
         if not self.recordings:
             raise UsageError("there is no run to put into a frame")
-        from rover_sweep.data.later import joined_frames
+        from rover_sweep.data.recording import joined_frames
 
         return joined_frames({run.name: run.to_frame(rate) for run in self.recordings}, "run")
 

@@ -1,7 +1,8 @@
 """Saves results to a file and reads them without loss: `Result.save` and `load_result`.
 
 The file is JSON: each dataclass with its name and fields, each array once, exact (zlib, base64, little
-endian). For other programs there is `identification.json` of a report.
+endian). It has no module in it, so the classes may move; their names are unique. For other programs there is
+`identification.json` of a report.
 """
 
 from __future__ import annotations
@@ -11,8 +12,10 @@ import dataclasses
 import hashlib
 import json
 import math
+import sys
 import zlib
 from collections.abc import Callable, Mapping
+from functools import cache
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -20,13 +23,15 @@ from typing import Any
 import numpy as np
 
 from rover_sweep._version import __version__
-from rover_sweep.api.moved_modules import module_of
 from rover_sweep.errors import UsageError
 from rover_sweep.files.documents import read_json
-from rover_sweep.identification.structure.state_space import ModelStructure
-from rover_sweep.identification.structure.toml_form import structure_from_text
+from rover_sweep.identification.state_space import ModelStructure
+from rover_sweep.identification.toml_form import structure_from_text
 
-FORMAT, FORMAT_VERSION = "rover-sweep result", 1
+FORMAT, FORMAT_VERSION = "rover-sweep result", 2
+HOMES = ("api.identify", "api.diagnose", "identification.pipeline", "diagnosis.diagnose")
+"""Modules whose import loads every class that a result may hold."""
+BUILDERS = "rover_sweep.identification.models"  # of the functions that build the known models
 IS = "is"  # key of the type of an object
 
 
@@ -94,25 +99,26 @@ def _coded(value: Any, arrays: dict[str, list[Any]]) -> Any:
         left_out = {"build"} if isinstance(value, ModelStructure) and value.source else set()
         names = [f.name for f in dataclasses.fields(value) if f.init and f.name not in left_out]
         own = {name: _coded(getattr(value, name), arrays) for name in names}
-        return {IS: _address(type(value)), "of": own}
-    if callable(value):
-        return {IS: "function", "of": _address(value)}
+        if _kinds().get(type(value).__name__) is not type(value):
+            raise TypeError(f"{type(value).__name__} is not a part of a result")
+        return {IS: type(value).__name__, "of": own}
+    if callable(value) and getattr(value, "__module__", "") == BUILDERS:
+        return {IS: "function", "of": value.__name__}
     raise TypeError(f"{type(value).__name__} cannot be saved: {value!r}")
 
 
-def _address(thing: Any) -> str:
-    """module:name of a class or function of this project that can be found by it."""
-    address = f"{thing.__module__}:{thing.__qualname__}"
-    if _found(address) is not thing:
-        raise TypeError(f"{address} cannot be saved: it cannot be found by that name")
-    return address
-
-
-def _found(address: str) -> Any:
-    module, _, name = address.partition(":")
-    if module.partition(".")[0] != "rover_sweep" or "." in name:
-        raise TypeError(f"{address} is not part of rover-sweep")
-    return getattr(import_module(module_of(module)), name)
+@cache
+def _kinds() -> dict[str, type]:
+    """{name: dataclass} of this project."""
+    for home in HOMES:
+        import_module(f"rover_sweep.{home}")
+    loaded = [module for name, module in sys.modules.items() if name.startswith("rover_sweep.")]
+    own = [(module.__name__, thing) for module in loaded for thing in vars(module).values()]
+    return {
+        thing.__name__: thing
+        for home, thing in own
+        if isinstance(thing, type) and dataclasses.is_dataclass(thing) and thing.__module__ == home
+    }
 
 
 def _packed(array: np.ndarray, arrays: dict[str, list[Any]]) -> str:
@@ -143,22 +149,22 @@ def _decoded(value: Any, arrays: Mapping[str, np.ndarray]) -> Any:
         case "mapping":
             return {key: _decoded(item, arrays) for key, item in of}
         case "function":
-            return _function(of)
+            return _builder(of)
         case "float" | "complex" | "path":
             simple: dict[str, Callable[[str], Any]] = {"float": float, "complex": complex, "path": Path}
             return simple[kind](of)
-    made = _found(kind)
-    if not (isinstance(made, type) and dataclasses.is_dataclass(made)):
-        raise TypeError(f"{kind} is not a dataclass")
+    made = _kinds().get(kind)
+    if made is None:
+        raise TypeError(f"{kind} is not a part of a result")
     own = {name: _decoded(item, arrays) for name, item in of.items()}
     if made is ModelStructure and own.get("source"):  # a user's own structure is built from its text
         own["build"] = structure_from_text(own["source"]).build
     return made(**own)
 
 
-def _function(address: str) -> Callable[..., Any]:
-    """A function of `identification.models`; others are refused, so that a file cannot call any code."""
-    if not module_of(address.partition(":")[0]).startswith("rover_sweep.identification.models."):
-        raise TypeError(f"{address} does not build a model")
-    found: Callable[..., Any] = _found(address)
+def _builder(name: str) -> Callable[..., Any]:
+    """A function that builds a known model; others are refused, so that a file cannot call any code."""
+    if not name.endswith("_matrices"):
+        raise TypeError(f"{name} does not build a model")
+    found: Callable[..., Any] = getattr(import_module(BUILDERS), name)
     return found

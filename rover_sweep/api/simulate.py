@@ -4,16 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rover_sweep.data.later import data_frame
-from rover_sweep.data.recording import Array, Recording, steered
-from rover_sweep.data.result_table import ShortTable, Shown, plain_number
+from rover_sweep.data.recording import Array, Recording, data_frame, steered
+from rover_sweep.data.results import ShortTable, Shown, plain_number
 from rover_sweep.diagnosis.result import Diagnosis
 from rover_sweep.diagnosis.simulation.augmented import AugmentedModel
 from rover_sweep.errors import DataRefused, UsageError
+from rover_sweep.files.documents import read_json
 from rover_sweep.identification.model_results import ModelResult
 
 if TYPE_CHECKING:
@@ -52,7 +53,7 @@ class Simulation(Shown):
         >>> len(rs.simulate(result.models["roll-yaw"], runs["run4"]).plot(["r", "ay"]))
         2
         """
-        from rover_sweep.drawing.of_model import draw_simulation
+        from rover_sweep.drawing.drawn import draw_simulation
 
         return draw_simulation(
             f"{self.run} by the {self.model} model", self.t, self.signals, self.measured, channels, axes
@@ -163,3 +164,48 @@ def _linear(model: ModelResult, run: Experiment, recording: Recording) -> dict[s
     from rover_sweep.identification.verify import simulated_outputs as linear
 
     return linear(model.fit.structure, run.mean_speed, run.steer, RATE, recording.filters)
+
+
+# Export of a diagnosis: the linear part of its model, or the whole model as a simulated rover.
+
+
+def diagnosis_file(place: Path) -> Path | None:
+    """The diagnosis file given by a file or a folder (itself or its report/); None for anything else."""
+    if place.is_file():
+        return place if _is_diagnosis(place) else None
+    for folder in (place, place / "report"):
+        if (folder / "diagnosis.json").is_file():
+            return folder / "diagnosis.json"
+    return None
+
+
+def read_augmented_model(path: Path) -> tuple[AugmentedModel, str]:
+    """(model, verdict) of a diagnosis.json or a saved diagnosis; UsageError if it has no model."""
+    from rover_sweep.api.diagnose import load_diagnosis
+
+    kept = model_of
+
+    found = load_diagnosis(path)
+    return kept(found), found.verdict
+
+
+def exported(path: Path, name: str | None, speed: float | None) -> dict[str, Any]:
+    """The linear part as plain data; see `exported_augmented`."""
+    from rover_sweep.report.export.exported_model import exported_augmented
+
+    model, verdict = read_augmented_model(path)
+    if name not in (None, model.name):
+        raise UsageError(f"{path} has only the model {model.name!r}; remove --model {name}")
+    return exported_augmented(model, verdict, speed)
+
+
+def _is_diagnosis(path: Path) -> bool:
+    try:
+        document = read_json(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return False
+    if not isinstance(document, dict):
+        return False
+    saved = document.get("result")
+    kept = isinstance(saved, dict) and str(saved.get("is", "")).endswith(":FullDiagnosis")
+    return kept or document.get("format") == "rover-sweep diagnosis"

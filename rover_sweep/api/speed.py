@@ -5,18 +5,33 @@ from __future__ import annotations
 import json
 import mmap
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields
+from os import fspath
 from pathlib import Path
 from typing import Any
 
-from rover_sweep.data.throttle_run import ThrottleRun
-from rover_sweep.errors import DataRefused, UsageError
+from firmware_params.param_files import parse
+from rover_sweep.api.gains import steering_gains
+from rover_sweep.api.read import Location
+from rover_sweep.data.recording import ThrottleRun, data_frame
+from rover_sweep.data.results import ByName, ShortTable, Shown, plain_number
+from rover_sweep.errors import DataRefused, RoverSweepError, UsageError
 from rover_sweep.files.documents import read_json
-from rover_sweep.files.replaced import write_file
-from rover_sweep.gains.speed_chain import speed_loop
-from rover_sweep.gains.speed_identified import speed_from_document
+from rover_sweep.files.replaced import remove_file, write_file
+from rover_sweep.gains.gains_json import (
+    gains_document,
+    limits_document,
+    limits_text,
+    param_text,
+    speed_gains_document,
+    speed_text,
+)
+from rover_sweep.gains.proposal import Proposal, SteeringLimits, steering_limits
+from rover_sweep.gains.speed_chain import speed_from_document, speed_loop
 from rover_sweep.gains.speed_proposal import SpeedProposal, propose_speed
-from rover_sweep.identification.speed.identify_speed import SpeedResult
-from rover_sweep.report.speed.speed_json import speed_document
+from rover_sweep.identification.identify_speed import SpeedParameter, SpeedResult, speed_parameters
+from rover_sweep.identification.identify_speed import identify_speed as from_sweeps
+from rover_sweep.report.speed.speed_page import SpeedFindings, speed_document, speed_page
 
 SPEED_FILE = "speed.json"
 
@@ -97,10 +112,223 @@ def _mentions(path: Path) -> bool:
 
 
 def _runs_of(path: Path) -> list[ThrottleRun]:
+    from rover_sweep.logs.applet import throttle_runs
     from rover_sweep.logs.read import read_logs
-    from rover_sweep.logs.runs.throttle import throttle_runs
 
     try:
         return [run for log in read_logs(str(path)) for run in throttle_runs(log)]
     except OSError as error:
         raise DataRefused(f"{path.name} cannot be read: {error}") from None
+
+
+# The response of the speed to the throttle in Python: identify, inspect, draw, report.
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class SpeedIdentification(Shown, SpeedResult):
+    """The result of `identify_speed`. It prints as a table.
+
+    runs, level ("good", "acceptable", "poor" or "none"), reasons, speeds (lowest, mean, highest [m/s]), fit,
+    coherence, coasting: see `SpeedResult`.
+    """
+
+    @property
+    def parameters(self) -> ByName[SpeedParameter]:
+        """The numbers by name: gain, lag, delay, offset, drag; coasting_drag and dead_zone if recorded.
+
+        Empty without a law (`level` "none").
+
+        >>> gain = speed.parameters["gain"]
+        >>> round(gain.value, 1), gain.unit, gain.interval_90[0] < 5.0 < gain.interval_90[1]
+        (5.0, 'm/s per full throttle', True)
+        """
+        return speed_parameters(self)
+
+    def plot(self, axes: Any = None) -> Any:
+        """Draws throttle and speed of every run over time; returns matplotlib axes (2, runs).
+
+        Rows: throttle [%], speed [m/s], measured and simulated. axes: as many to draw on; default a new
+        figure. UsageError for another number of axes.
+
+        >>> speed.plot().shape
+        (2, 1)
+        """
+        from rover_sweep.drawing.drawn import draw_speed
+
+        return draw_speed(self, axes)
+
+    def to_frame(self) -> Any:
+        """The parameters as a pandas.DataFrame with the name as index; UsageError without pandas or a law.
+
+        Columns: value, unit, low and high (ends of interval_90), meaning.
+
+        >>> frame = speed.to_frame()
+        >>> frame.loc["lag", "unit"], bool(frame.loc["lag", "low"] < 0.7 < frame.loc["lag", "high"])
+        ('s', True)
+        """
+        found = self.parameters
+        if not found:
+            raise UsageError(f"the speed was not identified, so there are no parameters: {self.reasons[0]}")
+        columns: dict[str, Any] = {name: [getattr(p, name) for p in found] for name in ("value", "unit")}
+        columns["low"], columns["high"] = zip(*(p.interval_90 for p in found), strict=True)
+        columns["meaning"] = [p.meaning for p in found]
+        return data_frame(columns, found.keys(), "parameter")
+
+    def report(self, directory: Location) -> SpeedFiles:
+        """Writes speed.html and speed.json into a folder; `rover-sweep gains` reads it.
+
+        >>> speed.report("throttle").page.name
+        'speed.html'
+        """
+
+        return write_speed_report(self, Path(directory))
+
+    def table(self) -> ShortTable:
+        """The parameters with their intervals, and the reasons for less than good."""
+        low, _, high = self.speeds
+        rows = tuple(
+            (p.name, plain_number(p.value), p.unit, " - ".join(plain_number(end, 3) for end in p.interval_90))
+            for p in self.parameters
+        )
+        title = f"speed from {len(self.runs)} throttle sweep(s), {low:.2f} to {high:.2f} m/s: {self.level}"
+        return ShortTable(title, ("parameter", "value", "unit", "90 % interval"), rows, self.reasons)
+
+
+def identify_speed(*sources: Location) -> SpeedIdentification:
+    """Identifies the response of the speed to the throttle from all throttle sweeps of one rover.
+
+    sources: .BIN logs, or folders of sessions; runs of the steering in them are left out. A poor result
+    raises nothing: its level and reasons say so. UsageError for a missing file, DataRefused for sources
+    without a throttle sweep.
+
+    >>> speed = rs.identify_speed("throttle.BIN")
+    >>> speed.level, speed.parameters.keys()[:4]
+    ('good', ('gain', 'lag', 'delay', 'offset'))
+    >>> rs.identify_speed("run1.BIN")
+    Traceback (most recent call last):
+    rover_sweep.errors.DataRefused: there is no throttle sweep in run1.BIN; it needs a .BIN with SWP_TYPE 4
+    """
+    given = [fspath(source) for source in sources]
+    if not given:
+        raise UsageError("there is no log to identify the speed from; give a .BIN of a throttle sweep")
+    for source in given:
+        if not Path(source).expanduser().exists() and "+" not in source:
+            raise UsageError(f"{source} does not exist; give a .BIN or the folder of a session")
+    sweeps = throttle_sweeps(given)
+    if not sweeps:
+        raise DataRefused(
+            f"there is no throttle sweep in {', '.join(given)}; it needs a .BIN with SWP_TYPE 4"
+        )
+    found = from_sweeps(sweeps)
+    return SpeedIdentification(**{f.name: getattr(found, f.name) for f in fields(found)})
+
+
+# The folder of a speed result: speed.html for people, speed.json for programs.
+
+
+@dataclass(frozen=True)
+class SpeedFiles:
+    """Paths of the written files."""
+
+    directory: Path
+    document: Path
+    page: Path
+
+
+def write_speed_report(result: SpeedResult, folder: Path) -> SpeedFiles:
+    """Write speed.html, then speed.json, into a folder, which is created if missing.
+
+    If the folder has the results of steering sweeps too, the page has the steering's limits from them.
+    """
+    parameters = result.runs[0].parameters
+    proposal = proposed_speed(speed_document(result), parameters, "the parameters of the runs")
+    findings = SpeedFindings(
+        result, proposal, _limits(folder, parameters), parameters, (folder / "report.html").is_file()
+    )
+    html = speed_page(findings)
+    remove_file(folder / "speed.json")
+    folder.mkdir(parents=True, exist_ok=True)
+    page = write_file(folder / "speed.html", html)
+    return SpeedFiles(folder, write_speed(result, folder), page)
+
+
+def _limits(folder: Path, parameters: Mapping[str, float]) -> SteeringLimits | None:
+    """From an identification in the folder; None without one that supports gains."""
+    if not (folder / "identification.json").is_file():
+        return None
+    try:
+        return steering_limits(
+            steering_gains(folder, None, None, parameters, "the parameters of the runs", None)
+        )
+    except RoverSweepError:
+        return None
+
+
+# Gains of the steering and of the speed from one folder of results.
+
+
+_STEERED = ("identification.json", "diagnosis.json")
+
+
+@dataclass(frozen=True, eq=False)
+class AllGains:
+    """What a folder of results supports: of the steering, its limits, and of the speed; None without.
+
+    current: the vehicle's present parameters, as far as they are known.
+    """
+
+    steering: Proposal | None
+    limits: SteeringLimits | None
+    speed: SpeedProposal | None
+    current: Mapping[str, float]
+
+    @property
+    def text(self) -> str:
+        """The .param file; "" if nothing is proposed."""
+        parts = []
+        if self.steering is not None and self.steering.proposed is not None:
+            parts.append(param_text(self.steering))
+        if self.limits is not None:
+            known = ("ATC_STR_RAT_MAX", "ATC_TURN_MAX_G")
+            parts.append(limits_text(self.limits, {n: self.current[n] for n in known if n in self.current}))
+        if self.speed is not None and self.speed.proposed is not None:
+            parts.append(speed_text(self.speed))
+        return "\n".join(parts)
+
+    @property
+    def unknown(self) -> tuple[str, ...]:
+        """The parameters of `text` whose present value is unknown, so that the change could not be undone."""
+        return tuple(p.name for p in parse(self.text) if p.name not in self.current)
+
+    @property
+    def undo(self) -> str:
+        """The present values of the parameters of `text`, as a .param file."""
+        lines = (f"{p.name} {self.current[p.name]:.7g}  # was to be {p.value:g}" for p in parse(self.text))
+        return "\n".join(("# The values before the proposal: load this file to undo it.", "", *lines, ""))
+
+    @property
+    def document(self) -> dict[str, Any]:
+        """As plain data for JSON; the keys of the steering are at the top, as without throttle sweeps."""
+        top = gains_document(self.steering) if self.steering else {}
+        top = {"format": "rover-sweep gains", "format_version": 1} | top
+        top |= {"limits": limits_document(self.limits)} if self.limits else {}
+        return top | ({"speed_loop": speed_gains_document(self.speed)} if self.speed else {})
+
+
+def all_gains(
+    place: Path,
+    name: str | None,
+    vehicle_file: str | None,
+    current: Mapping[str, float],
+    current_from: str,
+    speed: float | None,
+) -> AllGains:
+    """All that a file or folder of results supports; arguments and errors as of `steering_gains`."""
+    path = speed_file(place)
+    loop = speed_gains(path, current, current_from) if path else None
+    known = {**(loop.found.parameters if loop else {}), **current}
+    alone = path is not None and not any((path.parent / each).is_file() for each in _STEERED)
+    if alone or (path is not None and place == path):
+        return AllGains(None, None, loop, known)
+    steering = steering_gains(place, name, vehicle_file, current, current_from, speed)
+    return AllGains(steering, steering_limits(steering), loop, known)

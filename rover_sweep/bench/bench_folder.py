@@ -10,14 +10,17 @@ import json
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass
-from math import isfinite
+from math import hypot, inf, isfinite, nan
 from pathlib import Path
 from typing import Any
 
 from rover_sweep.bench.steering_output import CHANNELS
+from rover_sweep.bench.swing_test import rounded
+from rover_sweep.data.vehicle_file import Measured, set_numbers
+from rover_sweep.data.vehicle_rules import KEYS
 from rover_sweep.errors import DataRefused, UsageError
 from rover_sweep.files.documents import read_json
-from rover_sweep.vehicle.link.recorder import writing
+from rover_sweep.vehicle.link.recorded_transport import writing
 
 FORMAT = "rover-sweep bench 1"
 DESCRIPTION, TELEMETRY, READINGS = "bench.json", "bench.tlog", "readings.csv"
@@ -119,3 +122,124 @@ def _wrong(content: Mapping[str, Any]) -> str:
     if wheel and not isinstance(same := wheel.get("same_clock", False), bool):
         return f"wheel.same_clock is {same!r}, neither true nor false"
     return ""
+
+
+# The result of a bench: numbers with intervals, and the reasons for missing ones.
+
+
+LEVEL = 0.90  # of every interval
+
+
+@dataclass(frozen=True)
+class Number:
+    """A number with its standard deviation and interval. key: in the vehicle file, '' if it has none."""
+
+    name: str
+    unit: str
+    value: float
+    sd: float
+    low: float
+    high: float
+    meaning: str
+    key: str = ""
+
+    @property
+    def determined(self) -> bool:
+        """Whether the data determine it (not, for example, a rate limit that no step reached)."""
+        return isfinite(self.value) and isfinite(self.sd)
+
+    def __str__(self) -> str:
+        return f"{self.value:.4g} {self.unit} ({self.low:.4g} to {self.high:.4g})"
+
+
+@dataclass(frozen=True)
+class BenchResult:
+    """untold: sentences on numbers not measured, and why; remarks: sentences; residual: rms [rad]; samples:
+    number of angles."""
+
+    source: str
+    numbers: tuple[Number, ...]
+    untold: tuple[str, ...]
+    remarks: tuple[str, ...]
+    residual: float
+    samples: int
+
+    def get(self, name: str) -> Number | None:
+        """A number by its name."""
+        return next((number for number in self.numbers if number.name == name), None)
+
+
+def interval(
+    name: str,
+    unit: str,
+    value: float,
+    sd: float,
+    factor: float,
+    meaning: str,
+    key: str = "",
+    least: float = -inf,
+) -> Number:
+    """The number value +- factor sd; least: lower bound of the value and of the interval."""
+    value, sd = float(value), float(sd)  # plain, as files and JSON take them
+    low, high = value - factor * sd, value + factor * sd
+    return Number(name, unit, max(value, least), sd, max(low, least), max(high, least), meaning, key)
+
+
+def rate_limit(slowness: float, sd: float, factor: float) -> Number:
+    """The rate limit [rad/s] from its inverse [s/rad]; NaN with only a lower bound if no step reached it."""
+    slowness, sd = float(slowness), float(sd)
+    least, most = slowness - factor * sd, slowness + factor * sd
+    meaning = "fastest rate of the road wheel"
+    key = "steering.servo_rate_limit"
+    if least <= 0:
+        return Number("servo_rate_limit", "rad/s", nan, nan, 1.0 / max(most, 1e-6), inf, meaning, key)
+    rate = 1.0 / slowness
+    return Number("servo_rate_limit", "rad/s", rate, sd * rate**2, 1.0 / most, 1.0 / least, meaning, key)
+
+
+# Writes the numbers of a bench, with their uncertainty, into the vehicle file.
+
+
+LEAST_SURE = 0.1  # largest relative standard deviation of rad_per_us that is written
+CURVE = ("nonlinearity", "deadband")
+
+
+def bent(result: BenchResult) -> bool:
+    """Whether a curve or a deadband was found: then the slope at the centre counts, else the mean slope."""
+    found = (result.get(name) for name in CURVE)
+    return result.get("centre") is not None and any(n is not None and not _holds_0(n) for n in found)
+
+
+def slope_of(result: BenchResult) -> Number | None:
+    """rad_per_us: the mean slope, or the slope at the centre if a curve was found."""
+    return result.get("centre" if bent(result) else "rad_per_us")
+
+
+def numbers_for_file(result: BenchResult) -> dict[str, Measured]:
+    """{key of the vehicle file: number}; without undetermined numbers and without an uncertain slope.
+
+    The file must not contain noise as a property of the steering: a number whose interval includes 0 is
+    written as 0, with its possible size as the uncertainty. Curve, deadband and slope at the centre were
+    fitted to the same angles, so they are written together or not at all.
+    """
+    out, together = {}, CURVE if bent(result) else ()
+    slope = slope_of(result)
+    if slope is not None and slope.determined and slope.sd < LEAST_SURE * abs(slope.value):
+        out["steering.rad_per_us"] = rounded(Measured(slope.value, slope.sd))
+    for number in result.numbers:
+        if number.key in KEYS and number.determined:
+            nothing = _holds_0(number) and number.name not in together
+            value, sd = (0.0, hypot(number.value, number.sd)) if nothing else (number.value, number.sd)
+            out[number.key] = rounded(Measured(value, sd))
+    return out
+
+
+def _holds_0(number: Number) -> bool:
+    return number.low <= 0.0 <= number.high
+
+
+def write_bench_numbers(path: Path, result: BenchResult) -> dict[str, Measured]:
+    """Write them into the file, comments kept; what was written."""
+    numbers = numbers_for_file(result)
+    set_numbers(path, numbers)
+    return numbers

@@ -4,25 +4,180 @@ from __future__ import annotations
 
 import datetime
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from dataclasses import asdict, dataclass, replace
-from math import isfinite, isnan
+from math import inf, isfinite, isnan
 from pathlib import Path
-from typing import Protocol
+from typing import Literal, Protocol
 
 from rover_sweep._version import __version__
 from rover_sweep.bench.bench_folder import TELEMETRY, WHEEL_CSV, WHEEL_TLOG, AngleReading, BenchFolder
-from rover_sweep.bench.programme import Movement, Target, path
-from rover_sweep.bench.standstill import ASTRAY, NotAtStandstill, Standstill
+from rover_sweep.bench.evaluate import ASTRAY, NotAtStandstill, Standstill
 from rover_sweep.bench.steering_output import NAMES, SteeringOutput, names_of, steering_output
-from rover_sweep.bench.steering_override import SteeringOverride
-from rover_sweep.errors import LinkError, UsageError
+from rover_sweep.errors import LinkError, RoverSweepError, UsageError
 from rover_sweep.vehicle.identity import identify_vehicle
-from rover_sweep.vehicle.link.access import Access
+from rover_sweep.vehicle.link.connection import Access, Periodic
 from rover_sweep.vehicle.link.link import Link
 from rover_sweep.vehicle.link.streams import Stream, request_all, stop
-from rover_sweep.vehicle.parameters.read_write import read_present
+from rover_sweep.vehicle.parameters import read_present
+
+# The override of the steering channel: repeated while it is active, and always released at its end.
+
+
+REFRESH = 0.2  # s of the vehicle's clock
+_LEAVE, _RELEASE, _RELEASE_HIGH = 0xFFFF, 0, 0xFFFE  # channels 9.. take 65534 for "back to the radio"
+
+
+class SteeringOverride:
+    """A context in which the steering is ours. No other channel is ever sent; nothing before `to`."""
+
+    def __init__(self, link: Link, output: SteeringOutput) -> None:
+        self.offset = 0.0
+        self._link, self._output = link, output
+        self._periodic: Periodic | None = None
+
+    def __enter__(self) -> SteeringOverride:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.release()
+
+    def to(self, offset: float) -> None:
+        """The steering output `offset` us from its trim, at once."""
+        self.offset = offset
+        if self._periodic is None:
+            self._periodic = self._link.every(REFRESH, self._send)
+        else:
+            self._send()
+
+    def release(self) -> None:
+        """Return the channel to the radio. Never raises for a lost link: then the override lapses."""
+        if self._periodic is None:
+            return
+        self._link.cancel(self._periodic)
+        self._periodic = None
+        for _ in range(3):
+            try:
+                self._put(_RELEASE if self._output.channel <= 8 else _RELEASE_HIGH)
+            except RoverSweepError:
+                return
+
+    def _send(self) -> None:
+        self._put(self._output.stick_for(self.offset))
+
+    def _put(self, value: int) -> None:
+        fields = {f"chan{n}_raw": _LEAVE for n in range(1, 17)} | {f"chan{self._output.channel}_raw": value}
+        self._link.to_vehicle("RC_CHANNELS_OVERRIDE", **fields, chan17_raw=0, chan18_raw=0)
+
+
+# The movements of a bench: staircases for reading by hand, slow ramps, steps. Pure.
+#
+# Offsets of the steering output from SERVOn_TRIM are in us. Every staircase and ramp begins at its lower
+# end, so that play in the linkage is taken up before the first angle.
+
+
+Kind = Literal["staircase", "ramp", "steps"]
+
+GENTLE, SLOW = 100.0, 40.0  # us/s: between two readings, of a ramp
+SETTLE, HOLD = 1.0, 0.8  # s at a level before its angle is read, after a step
+LOOPS = 2
+LEAST_STEP, MOST_LEVELS = 5.0, 12  # us; levels of a side
+
+
+@dataclass(frozen=True)
+class Target:
+    """Go to `offset` [us] at `rate` [us/s], inf for a jump; hold it for `hold` s; read: an angle there."""
+
+    offset: float
+    rate: float
+    hold: float
+    read: bool = False
+
+
+@dataclass(frozen=True)
+class Movement:
+    """A movement that is allowed and carried out as a whole."""
+
+    name: str
+    kind: Kind
+    targets: tuple[Target, ...]
+
+    @property
+    def largest(self) -> float:
+        """Largest offset, us."""
+        return max(abs(target.offset) for target in self.targets)
+
+    @property
+    def duration(self) -> float:
+        """s, without the time that somebody takes to read angles."""
+        at, total = 0.0, 0.0
+        for target in self.targets:
+            total += abs(target.offset - at) / target.rate + target.hold
+            at = target.offset
+        return total
+
+    @property
+    def words(self) -> str:
+        """A sentence on what will move."""
+        size = f"to {self.largest:g} us on either side"
+        if self.kind == "steps":
+            return f"the front wheels JUMP {size}, {len(self.targets)} times, {self.duration:.0f} s in all"
+        if self.kind == "ramp":
+            return f"the front wheels turn slowly {size}, to and fro, for {self.duration:.0f} s"
+        reads = sum(target.read for target in self.targets)
+        return f"the front wheels turn slowly {size} and stop {reads} times for an angle to be read"
+
+
+def staircase(levels: tuple[float, ...], loops: int = LOOPS) -> Movement:
+    """Up and down through -levels, 0 and levels, an angle at each; `loops` times."""
+    up = sorted({0.0, *levels, *(-level for level in levels)})
+    path = [up[0], *(offset for _ in range(loops) for offset in (*up[1:], *up[-2::-1]))]
+    stops = tuple(Target(offset, GENTLE, SETTLE, True) for offset in path)
+    return Movement("staircase", "staircase", (*stops, Target(0.0, GENTLE, 0.2)))
+
+
+def ramp(largest: float, loops: int = LOOPS) -> Movement:
+    """Slowly from -largest to largest and back, `loops` times."""
+    ends = [-largest, *(end for _ in range(loops) for end in (largest, -largest)), 0.0]
+    return Movement("ramp", "ramp", tuple(Target(end, SLOW, HOLD) for end in ends))
+
+
+def steps(sizes: tuple[float, ...]) -> Movement:
+    """Each size to one side, back, to the other, back; at last from side to side with the largest."""
+    largest = max(sizes)
+    path = [offset for size in sorted(sizes) for offset in (size, 0.0, -size, 0.0)]
+    path += [largest, -largest, largest, -largest, 0.0]
+    return Movement("steps", "steps", tuple(Target(offset, inf, HOLD) for offset in path))
+
+
+def programme(levels: tuple[float, ...], by_hand: bool, with_ramp: bool) -> tuple[Movement, ...]:
+    """The movements of a bench, the gentlest first. UsageError for levels that make none."""
+    levels = tuple(sorted(set(levels)))
+    if not levels or levels[0] < LEAST_STEP or len(levels) > MOST_LEVELS:
+        raise UsageError(
+            f"--steps {', '.join(f'{x:g}' for x in levels) or 'none'}: give 1 to {MOST_LEVELS} different "
+            f"sizes of {LEAST_STEP:g} us or more, as in --steps 50,100,150"
+        )
+    if by_hand:
+        slow = (ramp(levels[-1], 1),) if with_ramp else ()
+        return (staircase(levels), *slow)
+    return (ramp(levels[-1]), steps(levels))
+
+
+def path(movement: Movement, start: float, interval: float) -> Iterator[tuple[float, float, Target | None]]:
+    """(seconds from the start, offset [us], target just reached and held or None), every `interval` s."""
+    at, t = start, 0.0
+    for target in movement.targets:
+        while at != target.offset:
+            stride = target.rate * interval
+            away = target.offset - at
+            at = target.offset if abs(away) <= stride else at + (stride if away > 0 else -stride)
+            t += interval
+            yield t, at, None
+        t += target.hold
+        yield t, at, target
+
 
 INTERVAL = 0.05  # s between two positions of a ramp
 RATES = {

@@ -17,7 +17,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from rover_sweep.errors import UsageError
-from rover_sweep.vehicle.link.ground_station import NEW_NAMES, OLD_NAME, why_overrides_ignored
+from rover_sweep.vehicle.link.greeting import NEW_NAMES, OLD_NAME, why_overrides_ignored
 
 STEERING, SKID = 26, (73, 74)  # SERVOn_FUNCTION GroundSteering, ThrottleLeft and ThrottleRight
 FULL, STICK_LIMIT = 4500.0, 3800.0  # RC_Channel angle of a full stick; where arming by the stick is far

@@ -16,8 +16,8 @@ from collections.abc import Sequence
 import click
 
 from rover_sweep._version import __version__
+from rover_sweep.cli.views.output import NAME as PLAIN_LETTERS
 from rover_sweep.cli.views.output import print_error
-from rover_sweep.cli.views.plain_ascii import NAME as PLAIN_LETTERS
 from rover_sweep.errors import RoverSweepError
 
 # The matrices are small: more threads in the linear algebra library would slow it down.
@@ -56,6 +56,16 @@ COMMANDS: dict[str, str] = {
 }
 
 
+MODULES = {
+    "plan": "investigate",
+    "replay": "redrive",
+    "resume": "run",
+    "status": "params",
+    "twin": "diagnose",
+    "view": "logs",
+}  # of the commands that have no module of their own
+
+
 class LazyGroup(click.Group):
     """A group that imports a subcommand's module only when that subcommand is called."""
 
@@ -66,7 +76,8 @@ class LazyGroup(click.Group):
         if cmd_name not in COMMANDS:
             return None
         name = cmd_name.replace("-", "_")
-        command = getattr(importlib.import_module(f"rover_sweep.cli.commands.{name}"), name)
+        module = importlib.import_module(f"rover_sweep.cli.commands.{MODULES.get(name, name)}")
+        command = getattr(module, name)
         assert isinstance(command, click.Command)
         return command
 

@@ -6,21 +6,98 @@ one model, the same for both, takes out what follows from that: compared are D -
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.fft import irfft, next_fast_len, rfft
 
-from rover_sweep.comparison.answer import Agreement
+from rover_sweep.comparison.answer import Agreement, Bode, Instrument
 from rover_sweep.comparison.common_model import FittedSide
-from rover_sweep.comparison.pairing import Pair
+from rover_sweep.comparison.differences import Found
 from rover_sweep.data.recording import Array
+from rover_sweep.diagnosis.held_out import SWEPT, frequency_responses_of, overlay_of
 from rover_sweep.diagnosis.problem.noise_floor import Floor, level_of
 from rover_sweep.diagnosis.problem.residuals import Problem, centred, whitened, with_floor
-from rover_sweep.diagnosis.problem.signatures import columns
-from rover_sweep.diagnosis.problem.speed_drift import speed_drift
-from rover_sweep.diagnosis.simulation.experiment import Experiment
+from rover_sweep.diagnosis.problem.signatures import columns, speed_drift
+from rover_sweep.diagnosis.result import TimeHistory
+from rover_sweep.diagnosis.simulation.experiment import RATE, Experiment
 from rover_sweep.diagnosis.simulation.simulator import Sensors, logged
+from rover_sweep.errors import DataRefused
+
+# Which simulated run repeats which recorded run: by their steering.
+
+
+ALIKE = 0.4
+"""RMS of the difference over that of the steering, up to which two runs have the same steering.
+
+The firmware that repeats a sweep of 12 Hz through its own loop differs by .05 to .09, the same sweep driven
+again by .21, another run by 1. Each side is compared at its own steering."""
+
+
+@dataclass(frozen=True, eq=False)
+class Pair:
+    """A recorded run and the simulated one with the same steering.
+
+    late: time of the simulated run's grid at the start of the recorded one's [s].
+    """
+
+    recorded: Experiment
+    simulated: Experiment
+    late: float
+
+
+def pairs_by_steering(recorded: Sequence[Experiment], simulated: Sequence[Experiment]) -> list[Pair]:
+    """Each simulated run with its recorded one, in the order of the recorded runs.
+
+    DataRefused where a simulated run has the steering of no recorded run.
+    """
+    found: dict[int, Pair] = {}
+    for sim in simulated:
+        fits = [(*_difference(run, sim), k) for k, run in enumerate(recorded) if k not in found]
+        off, late, k = min(fits, default=(np.inf, 0.0, -1))
+        if off > ALIKE:
+            raise DataRefused(_refusal(sim, off))
+        found[k] = Pair(recorded[k], sim, late)
+    return [found[k] for k in sorted(found)]
+
+
+def shared(pair: Pair) -> Pair:
+    """The pair with the channels that both sides have. DataRefused where the yaw rate is not one of them."""
+    both = [c for c in pair.recorded.measured if c in pair.simulated.measured]
+    if "r" not in both:
+        raise DataRefused(
+            f"{pair.simulated.name} and {pair.recorded.name} do not both have the yaw rate r, so they cannot "
+            f"be compared; {pair.simulated.name} has {', '.join(pair.simulated.measured) or 'no channel'}"
+        )
+    one, two = (
+        replace(run, measured={c: run.measured[c] for c in both}) for run in (pair.recorded, pair.simulated)
+    )
+    return replace(pair, recorded=one, simulated=two)
+
+
+def _refusal(sim: Experiment, off: float) -> str:
+    far = "all of them are taken" if off == np.inf else f"the nearest differs by {100 * off:.0f} % (rms)"
+    return (
+        f"{sim.name} does not have the steering of any of the runs ({far}); drive the simulation with the "
+        "steering and speed of a run, as `rover-sweep redrive` does"
+    )
+
+
+def _difference(run: Experiment, sim: Experiment) -> tuple[float, float]:
+    """(rms of the steering's difference over its own rms, time by which the simulated grid is ahead [s])."""
+    one, two = run.steer - run.steer.mean(), sim.steer - sim.steer.mean()
+    size = next_fast_len(one.size + two.size, real=True)
+    product = irfft(rfft(two, size) * np.conj(rfft(one, size)), size)
+    shift = int(np.argmax(product))
+    shift = shift - size if shift > two.size else shift
+    start, end = max(0, -shift), min(one.size, two.size - shift)
+    if end - start < 0.7 * one.size:
+        return np.inf, 0.0
+    gap = run.steer[start:end] - sim.steer[start + shift : end + shift]
+    whole = float(np.sqrt(np.mean(one[start:end] ** 2)))
+    return float(np.sqrt(np.mean((gap - gap.mean()) ** 2))) / max(whole, 1e-9), shift / RATE
+
 
 CHANNELS = ("r", "ay", "p", "vy")
 Signals = dict[str, Array]
@@ -103,3 +180,163 @@ def _scaled(floor: Floor, runs: Sequence[Experiment], residuals: Sequence[Mappin
 
 def _rms(rows: Array) -> float:
     return float(np.sqrt(np.mean(rows**2))) if rows.size else 0.0
+
+
+# Differences of the measurement that the logs show by themselves: filters, rates, noise.
+
+
+OTHER_FILTER, OTHER_RATE = 1.05, 1.5  # ratios from which cut-offs and rates are told
+OTHER_NOISE = 2.0  # ratio of rms
+SYMBOLS = {"ay": "a_y", "vy": "V_y"}
+BAND = (0.5, 8.0)  # Hz, of the noise that is compared
+
+
+def instruments(pairs: Sequence[Pair], recorded: Floor, simulated: Floor) -> tuple[Instrument, ...]:
+    """What differs in the known filters, the rates of the records and the noise, channel by channel."""
+    pair = pairs[0]
+    channels = [c for c in pair.recorded.measured if c in pair.simulated.measured]
+    missing = [c for c in pair.recorded.measured if c not in pair.simulated.measured]
+    out = [
+        found
+        for c in channels
+        for found in (*_filters(pair, c), *_rates(pair, c), *_noise(c, recorded, simulated))
+    ]
+    return (*(_not_there(c) for c in missing), *out)
+
+
+def _not_there(channel: str) -> Instrument:
+    return Instrument("channel", channel, "", None, None, f"the simulation has no {_symbol(channel)}")
+
+
+def _filters(pair: Pair, channel: str) -> Iterator[Instrument]:
+    one, two = (run.filters.get(channel) for run in (pair.simulated, pair.recorded))
+    sim, rec = (f.cutoff_hz if f else None for f in (one, two))
+    if sim is None and rec is None:
+        return
+    if sim is None or rec is None or max(sim, rec) > OTHER_FILTER * min(sim, rec):
+        words = (
+            f"the low-pass of {_symbol(channel)} is {_hz(sim)} in the simulation and {_hz(rec)} in the "
+            "recordings; the comparison allows for both"
+        )
+        yield Instrument("filter", channel, "Hz", sim, rec, words)
+
+
+def _symbol(channel: str) -> str:
+    return SYMBOLS.get(channel, channel)
+
+
+def _hz(cutoff: float | None) -> str:
+    return "unknown or none" if cutoff is None else f"{cutoff:.3g} Hz"
+
+
+def _rates(pair: Pair, channel: str) -> Iterator[Instrument]:
+    sim, rec = pair.simulated.rates[channel], pair.recorded.rates[channel]
+    if max(sim, rec) > OTHER_RATE * min(sim, rec):
+        words = (
+            f"{_symbol(channel)} is recorded at {sim:.0f} Hz in the simulation and at {rec:.0f} Hz in the "
+            "recordings"
+        )
+        yield Instrument("rate", channel, "Hz", sim, rec, words)
+
+
+def _noise(channel: str, recorded: Floor, simulated: Floor) -> Iterator[Instrument]:
+    if channel not in recorded.density or channel not in simulated.density:
+        return
+    sim, rec = simulated.rms(channel, *BAND), recorded.rms(channel, *BAND)
+    if max(sim, rec) > OTHER_NOISE * min(sim, rec):
+        times = f"{rec / sim:.2g}" if sim > 0 else "infinitely many"
+        words = f"the recordings have {times} times the noise of the simulation in {_symbol(channel)}"
+        yield Instrument("noise", channel, "", sim, rec, words)
+
+
+# Recorded and simulated signals and responses of pairs of runs, for the pictures.
+
+
+@dataclass(frozen=True, eq=False)
+class BeforeAfter:
+    """A recorded run with two simulations of it {channel: (n,)} on its grid, and the noise of both sides."""
+
+    run: Experiment
+    before: Signals
+    after: Signals
+    floor: Floor
+    held_out: bool
+
+
+def predicted(
+    compared: Direct, recordings: FittedSide, found: Found, held_out: bool
+) -> tuple[BeforeAfter, ...]:
+    """The simulated runs, and the same plus what the differences that were found change."""
+    structure, out = recordings.fitted.structure, []
+    for pair in compared.pairs:
+        sensors = Sensors.of(pair.recorded)
+        ends = [logged(pair.recorded, structure, x[0], sensors) for x in (found.recordings, found.simulation)]
+        before = simulated_log(pair)
+        after = {c: y + ends[0][c] - ends[1][c] for c, y in before.items() if c in ends[0]}
+        out.append(BeforeAfter(pair.recorded, before, after, compared.problem.floor, held_out))
+    return tuple(out)
+
+
+def driven_again(before: Direct, after: Direct, held_out: bool) -> tuple[BeforeAfter, ...]:
+    """Two simulations of the same recorded runs."""
+    first = {pair.recorded.name: pair for pair in before.pairs}
+    return tuple(
+        BeforeAfter(
+            pair.recorded,
+            simulated_log(first[pair.recorded.name]),
+            simulated_log(pair),
+            after.problem.floor,
+            held_out,
+        )
+        for pair in after.pairs
+        if pair.recorded.name in first
+    )
+
+
+def simulated_log(pair: Pair) -> Signals:
+    """The simulated run {channel: (n,)} on the recorded run's grid."""
+    t, at = pair.recorded.t + pair.late, pair.simulated.t
+    log = centred(pair.simulated)
+    return {c: np.interp(t, at, log[c]) for c in pair.recorded.measured if c in log}
+
+
+def histories_of(runs: Sequence[BeforeAfter]) -> tuple[TimeHistory, ...]:
+    """Time histories over each other, with the spectra of the residuals over the noise."""
+    return tuple(
+        overlay_of(one.run, c, one.held_out, one.before[c], one.after[c], one.floor)
+        for one in runs
+        for c in _channels(one)
+    )
+
+
+def bode(runs: Sequence[BeforeAfter]) -> tuple[Bode, ...]:
+    """Responses of the first run that is a sweep; none without one."""
+    for one in runs:
+        if one.run.kind in SWEPT:
+            return _bode(one)
+    return ()
+
+
+def _channels(one: BeforeAfter) -> list[str]:
+    return [c for c in one.run.measured if c in one.before and c in one.after and c in one.floor.density]
+
+
+def _bode(one: BeforeAfter) -> tuple[Bode, ...]:
+    run = one.run
+    logs = (centred(run), one.before, one.after)
+    measured, before, after = (frequency_responses_of(run, log) for log in logs)
+    return tuple(
+        Bode(
+            run.name,
+            one.held_out,
+            output,
+            found.w,
+            found.h,
+            before[output].at(found.w)[0],
+            after[output].at(found.w)[0],
+            found.coherence,
+            found.band,
+        )
+        for output, found in measured.items()
+        if output in before and output in after
+    )

@@ -41,3 +41,43 @@ class Geometry:
     def wheelbase(self) -> float:
         """a + b, m."""
         return self.a + self.b
+
+
+# Normal tolerances of a rover about its vehicle file: smaller deviations are never a finding.
+
+
+@dataclass(frozen=True)
+class Tolerances:
+    """Normal deviations of a rover from its vehicle file, as standard deviations or bounds.
+
+    `vehicle_geometry.tolerances_of` makes them from a vehicle file.
+
+    lag, delay [s], ratio (ln Cf/Cr), bias_ay [m/s^2], trim [rad], steering scale, speed scale (relative),
+    cg, imu_x, imu_z (over the wheelbase; imu_z over the roll axis, so with that of h), h, roll_inertia
+    (relative), sensor_lag [s], velocity_gain (relative), velocity_lag [s].
+    heading [rad]: of the estimator, which a compass or its mounting makes wrong, so V_y has a part of V.
+    together [s]: sum of lag and delay, above which they are a finding. bend: curvature of the tyre force,
+    about 0.7 friction^-2 (0.67 of a tanh, 0.73 of a magic formula of shape 1.3), in
+    F = C alpha (1 - bend (C alpha/Fz)^2/2). early [s]: by which a log may date the motion before the steering
+    that causes it. [material] of the vehicle file changes them.
+    """
+
+    lag: float = 0.040
+    delay: float = 0.040
+    ratio: float = 0.15
+    bias_ay: float = 0.3
+    trim: float = 0.010
+    scale: float = 0.03
+    speed: float = 0.010
+    cg: float = 0.02
+    h: float = 0.30
+    roll_inertia: float = 0.15
+    imu_x: float = 0.02
+    imu_z: float = 0.05
+    sensor_lag: float = 0.003
+    velocity_gain: float = 0.10
+    velocity_lag: float = 0.010
+    heading: float = 0.015
+    together: float = 0.072
+    bend: float = 0.8
+    early: float = 0.0

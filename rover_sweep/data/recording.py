@@ -6,16 +6,58 @@ an outward roll in a left turn is positive phi. `rover_sweep.logs` converts Ardu
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from importlib import import_module
+from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rover_sweep.data.later import data_frame, drawing
-from rover_sweep.data.result_table import ShortTable, Shown, plain_number
-from rover_sweep.errors import UsageError
+from rover_sweep.data.results import ShortTable, Shown, plain_number
+from rover_sweep.errors import UsageError, missing_extra
+
+# Methods of results whose code lies in a room above: imported when called, so that no circle arises.
+#
+# Data, spectra and models must load without matplotlib and pandas, yet `.plot()` belongs to them.
+
+
+def drawing(name: str) -> Callable[..., Any]:
+    """The function of `rover_sweep.drawing.drawn` with that name."""
+    found: Callable[..., Any] = getattr(import_module("rover_sweep.drawing.drawn"), name)
+    return found
+
+
+def data_frame(columns: Any, index: Any = None, index_name: str | None = None) -> Any:
+    """A pandas.DataFrame of {column: values}; UsageError without pandas.
+
+    index: values, or None to count the rows; index_name: its name.
+    """
+    frame = _pandas().DataFrame(columns, index=index)
+    if index_name is not None:
+        frame.index.name = index_name
+    return frame
+
+
+def keyed_frame(columns: Mapping[str, Any], keys: Mapping[str, Any]) -> Any:
+    """A pandas.DataFrame of {column: values} with the index {name: values} of several levels."""
+    return data_frame({**keys, **columns}).set_index(list(keys))
+
+
+def joined_frames(frames: Mapping[str, Any], name: str) -> Any:
+    """One pandas.DataFrame of several, with their keys as the outer index, of this name."""
+    found = _pandas().concat(frames)
+    found.index.names = [name, *found.index.names[1:]]
+    return found
+
+
+def _pandas() -> Any:
+    try:
+        return import_module("pandas")
+    except ImportError:
+        raise missing_extra("to_frame() needs pandas", "pandas") from None
+
 
 Array = NDArray[np.float64]
 ASSUMED = "factory value, assumed"  # source of a low-pass that was neither recorded nor given
@@ -165,7 +207,7 @@ class Recording(Shown):
         >>> [axes.get_ylabel() for axes in runs["run1"].plot(["r", "speed"])]
         ['yaw rate r\\ndeg/s', 'speed V\\nm/s']
         """
-        return drawing("of_run:draw_run")(self, channels, axes)
+        return drawing("draw_run")(self, channels, axes)
 
     def to_frame(self, rate: float | None = None) -> Any:
         """The manoeuvre as a pandas.DataFrame: each channel in SI units, with the time t [s] as index.
@@ -229,3 +271,85 @@ def steered(recording: Recording, trim_us: float, rad_per_us: float) -> Recordin
     pwm = recording["pwm"]
     delta = replace(pwm, x=-(pwm.x - trim_us) * rad_per_us, unit="rad")
     return replace(recording, channels={**recording.channels, "delta": delta})
+
+
+# Unique names of runs whose files have equal names, as in two sessions.
+
+
+def source_names(sources: Sequence[str]) -> Mapping[str, str]:
+    """{source: name}: the stem of its file, with folder or suffix where stems are equal."""
+    files = {source: _file(source) for source in sources}
+    same_stem: dict[str, list[str]] = {}
+    for source, path in files.items():
+        same_stem.setdefault(path.stem, []).append(source)
+    return {s: _name(files[s], [files[o] for o in group]) for group in same_stem.values() for s in group}
+
+
+def _file(source: str) -> Path:
+    """The file that names the runs of a source; the .BIN of a pair."""
+    parts = [source] if Path(source).is_file() else source.split("+")
+    named = next((part for part in parts if part.lower().endswith(".bin")), parts[0])
+    return Path(named).expanduser().resolve()
+
+
+def _name(path: Path, same_stem: Sequence[Path]) -> str:
+    """The shortest name that differs from those of the other files; sources of one file share it."""
+    names: list[Callable[[Path], str]] = [
+        lambda p: p.stem,
+        lambda p: f"{p.parent.name}/{p.stem}",
+        lambda p: p.name,
+    ]
+    names += [lambda p, n=n: "/".join(p.parts[-n:]) for n in range(2, len(path.parts) + 1)]  # type: ignore[misc]
+    others = set(same_stem) - {path}
+    return next((n(path) for n in names if n(path) not in {n(other) for other in others}), str(path))
+
+
+def named(run: Recording, source: str, name: str) -> Recording:
+    """A run renamed after its source. name: from `source_names`."""
+    stem = _file(source).stem
+    return run if name == stem else replace(run, name=name + run.name.removeprefix(stem))
+
+
+# One recorded throttle sweep: throttle output and speed on one clock.
+
+
+@dataclass(frozen=True, eq=False)
+class ThrottleRun:
+    """A throttle sweep and the coasting after it.
+
+    pwm: throttle output [us], a staircase; speed: along the heading [m/s], of the EKF. span: (start, end) s
+    of the applet's override. swept: frequencies (lowest, highest) [rad/s] of the sweep. parameters: of the
+    autopilot, by name. stopped: why the applet ended it early, "" if not. sources: (path name, sha256).
+    """
+
+    name: str
+    pwm: Signal
+    speed: Signal
+    span: tuple[float, float]
+    swept: tuple[float, float]
+    parameters: Mapping[str, float] = field(default_factory=dict)
+    stopped: str = ""
+    firmware: str = ""
+    sources: tuple[tuple[str, str], ...] = ()
+
+    @property
+    def neutral_us(self) -> float:
+        """PWM of the standing motor."""
+        return self._output("TRIM", 1500.0)
+
+    @property
+    def travel_us(self) -> float:
+        """PWM from neutral to full throttle, negative for a reversed output."""
+        forward = not self._output("REVERSED", 0.0)
+        return (self._output("MAX", 1900.0) if forward else self._output("MIN", 1100.0)) - self.neutral_us
+
+    def drive(self, t: Array) -> Array:
+        """Throttle (n,) as a share of full, averaged over the cells around an even grid t (n,) [s]."""
+        return (self.pwm.on(t) - self.neutral_us) / self.travel_us
+
+    def _output(self, key: str, usual: float) -> float:
+        outputs = (n for n in range(1, 17) if self.parameters.get(f"SERVO{n}_FUNCTION") == THROTTLE_FUNCTION)
+        return self.parameters.get(f"SERVO{next(outputs, 3)}_{key}", usual)
+
+
+THROTTLE_FUNCTION = 70  # SERVOn_FUNCTION of the motor

@@ -15,8 +15,15 @@ from importlib import resources
 from pathlib import Path
 from typing import Any, Literal
 
-from rover_sweep.data.material_sizes import read_material
-from rover_sweep.data.vehicle_rules import FREE_KEYS, HOW, KEYS, inconsistencies, read_number, unknown_keys
+from rover_sweep.data.vehicle_rules import (
+    FREE_KEYS,
+    HOW,
+    KEYS,
+    inconsistencies,
+    read_material,
+    read_number,
+    unknown_keys,
+)
 from rover_sweep.errors import UsageError
 from rover_sweep.files.documents import read_toml, toml_hint
 

@@ -6,11 +6,9 @@ from dataclasses import replace
 from math import hypot
 from typing import Any
 
-from rover_sweep.data.geometry import Geometry
-from rover_sweep.data.material_sizes import MATERIAL
-from rover_sweep.data.tolerances import Tolerances
+from rover_sweep.data.geometry import Geometry, Tolerances
 from rover_sweep.data.vehicle_file import Measured, Vehicle
-from rover_sweep.data.vehicle_rules import HOW
+from rover_sweep.data.vehicle_rules import HOW, MATERIAL
 
 MODEL_NAMES = {
     "roll_inertia": "Ixx",

@@ -9,56 +9,67 @@ from math import exp, log
 
 from threadpoolctl import threadpool_limits
 
-from rover_sweep.data.by_name import ByName
 from rover_sweep.data.geometry import Geometry
 from rover_sweep.data.recording import Recording
+from rover_sweep.data.results import ByName
 from rover_sweep.diagnosis.effects import library
-from rover_sweep.diagnosis.held_out.turn_impact import change_in_runs, turn_sentence, turn_with
-from rover_sweep.diagnosis.held_out.worth import (
-    FittedModel,
-    HeldOutRun,
-    compare_held_out,
-    overlays,
-    worse_channels,
+from rover_sweep.diagnosis.held_out import FittedModel, HeldOutRun, compare_held_out, overlays, worse_channels
+from rover_sweep.diagnosis.locate import mismatches
+from rover_sweep.diagnosis.posterior.infer import (
+    SHARE,
+    Inference,
+    Named,
+    Options,
+    baseline_of,
+    infer,
+    nearest_fit,
+    without_refuted,
 )
-from rover_sweep.diagnosis.locate.locate import mismatches
-from rover_sweep.diagnosis.posterior.answer_curves import answer_curves
-from rover_sweep.diagnosis.posterior.infer import SHARE, Inference, Named, Options, infer
 from rover_sweep.diagnosis.posterior.parameter_intervals import (
     UNBOUNDED,
     draw_coordinates,
     effect_values,
     holds_absence,
     implausible_numbers,
+    rover_numbers,
 )
-from rover_sweep.diagnosis.posterior.refuted import nearest_fit, without_refuted
-from rover_sweep.diagnosis.posterior.rover_numbers import rover_numbers
-from rover_sweep.diagnosis.posterior.simulated_baseline import baseline_of
 from rover_sweep.diagnosis.posterior.speed_loss import ID as SPEED
 from rover_sweep.diagnosis.posterior.speed_loss import WORSE, earned, speed_finding, speed_loss, unknown_loss
+from rover_sweep.diagnosis.posterior.unnamed import answer_curves
 from rover_sweep.diagnosis.posterior.upper_bounds import upper_bounds
 from rover_sweep.diagnosis.problem.noise_floor import WINDOW, has_floor, smoothed_channels
-from rover_sweep.diagnosis.result import Diagnosis, Falsified, Finding, HeldOut, Unknown, Unseen
-from rover_sweep.diagnosis.search.material import at_the_end, many_at_the_end
-from rover_sweep.diagnosis.settings import START, Baseline, DiagnosisSettings
-from rover_sweep.diagnosis.simulation import lumped_baseline
+from rover_sweep.diagnosis.result import (
+    START,
+    Baseline,
+    Diagnosis,
+    DiagnosisSettings,
+    Falsified,
+    Finding,
+    HeldOut,
+    Unknown,
+    Unseen,
+)
+from rover_sweep.diagnosis.search import at_the_end, many_at_the_end
+from rover_sweep.diagnosis.simulation import candidates as lumped_baseline
 from rover_sweep.diagnosis.simulation.augmented import augmented
 from rover_sweep.diagnosis.simulation.candidates import Model
 from rover_sweep.diagnosis.simulation.experiment import Experiment, experiment, in_order
 from rover_sweep.diagnosis.simulation.single_track import must_compile
-from rover_sweep.diagnosis.unexplained.law_search import FoundLaws
-from rover_sweep.diagnosis.unexplained.unexplained import in_model, left_unexplained, with_laws_of
+from rover_sweep.diagnosis.unexplained import FoundLaws, in_model, left_unexplained, with_laws_of
 from rover_sweep.diagnosis.verdict import (
     NOTABLE,
+    change_in_runs,
     refuted_words,
     remarks_of,
     sentence_of,
+    turn_sentence,
+    turn_with,
     verdict_of,
     why_it_does_not_matter,
 )
 from rover_sweep.errors import DataRefused, UsageError
-from rover_sweep.identification.baseline import determined_model
 from rover_sweep.identification.grouping import Group, Settings, grouped
+from rover_sweep.identification.model_results import determined_model
 
 Progress = Callable[[str, float], None]
 STOPPED = "not tried, because the diagnosis was stopped"

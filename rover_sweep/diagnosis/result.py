@@ -9,10 +9,9 @@ from typing import Literal
 
 import numpy as np
 
-from rover_sweep.data.by_name import ByName
-from rover_sweep.data.plain_values import PlainNumbers
+from rover_sweep.data.geometry import Tolerances
 from rover_sweep.data.recording import Array
-from rover_sweep.data.result_table import ShortTable, Shown
+from rover_sweep.data.results import ByName, PlainNumbers, ShortTable, Shown
 from rover_sweep.diagnosis.simulation.augmented import AugmentedModel
 
 Verdict = Literal["none", "explained", "partly explained", "unexplained", "refused"]
@@ -261,7 +260,7 @@ class Falsified(PlainNumbers):
 
 
 @dataclass(frozen=True, eq=False)
-class Overlay(PlainNumbers):
+class TimeHistory(PlainNumbers):
     """Measured and simulated signals before and after, for the pictures.
 
     held_out: the run was not used. t (n,) [s]; measured, before, after (n,) SI units; noise: rms of the
@@ -303,7 +302,7 @@ class Diagnosis(PlainNumbers):
     parameters: ByName[EffectValue] = ByName()
     curves: tuple[LawCurve, ...] = ()
     scores: Mapping[str, float] = field(default_factory=dict)
-    overlays: tuple[Overlay, ...] = ()
+    overlays: tuple[TimeHistory, ...] = ()
     held_out: tuple[HeldOut, ...] = ()
     remarks: tuple[str, ...] = ()
     seconds: float = 0.0
@@ -317,3 +316,36 @@ class Diagnosis(PlainNumbers):
     def __post_init__(self) -> None:
         super().__post_init__()
         object.__setattr__(self, "parameters", ByName(self.parameters))
+
+
+# The settings of a diagnosis.
+
+
+Baseline = Literal["roll-yaw", "bicycle", "lumped", "kinematic"]
+BASELINES: tuple[Baseline, ...] = ("roll-yaw", "bicycle", "lumped", "kinematic")
+
+START = ("Izz", "k_phi", "b_phi", "C", "Cf", "Cr")  # parameters of a model that the fit begins from, above 0
+
+
+@dataclass(frozen=True)
+class DiagnosisSettings:
+    """Settings. baseline: the model to test, None for the most complete one that the runs determine.
+
+    with_effects: the only candidates, empty for all; without_effects: ids to exclude. time_limit [s]: the
+    diagnosis ends with the results so far, None for no limit. seed: of the bootstrap. parameters: {name: SI
+    value} of an identified model as start values, empty to find them from the runs. spread: normal
+    tolerances of a rover against its vehicle file.
+    """
+
+    baseline: Baseline | None = None
+    with_effects: tuple[str, ...] = ()
+    without_effects: tuple[str, ...] = ()
+    time_limit: float | None = None
+    seed: int = 1
+    parameters: Mapping[str, float] = field(default_factory=dict)
+    spread: Tolerances = Tolerances()
+
+    def candidates(self, known: tuple[str, ...]) -> tuple[str, ...]:
+        """The ids of the known effects that these settings select, in their order."""
+        chosen = self.with_effects or known
+        return tuple(e for e in known if e in chosen and e not in self.without_effects)

@@ -6,7 +6,8 @@ import math
 from dataclasses import asdict
 from typing import Any
 
-from rover_sweep.gains.proposal import AssessedGains, Proposal
+from rover_sweep.gains.proposal import AssessedGains, Proposal, SteeringLimits
+from rover_sweep.gains.speed_proposal import AssessedSpeed, SpeedProposal
 
 
 def gains_document(proposal: Proposal) -> dict[str, Any]:
@@ -91,3 +92,209 @@ def _finite(value: Any) -> Any:
         case float():
             return value if math.isfinite(value) else None
     return value
+
+
+# The proposal as a parameter file with a reason on every line, like `firmware_params/*.param`.
+
+
+def param_text(proposal: Proposal) -> str:
+    """The text of the .param file; ValueError without proposed gains."""
+    judged = proposal.proposed
+    if judged is None:
+        raise ValueError("there are no gains to write")
+    now, reasons = proposal.autopilot.gains.parameters, _reasons(proposal, judged)
+    lines = [
+        f"{name} {value:.6g}  # {reasons[name]}{_was(name, now[name], value, proposal)}"
+        for name, value in judged.gains.parameters.items()
+        if name in reasons
+    ]
+    return "\n".join((*(f"# {line}" for line in _heading(proposal, judged)), "", *lines)) + "\n"
+
+
+def _heading(proposal: Proposal, judged: AssessedGains) -> tuple[str, ...]:
+    """Heading lines: speed, conditions, margins, reasons and remarks."""
+    loop, (low, high), margins = proposal.autopilot, proposal.speed_range, judged.margins
+    lines = (
+        f"Turn-rate gains for {proposal.speed:.2f} m/s, from the {proposal.found.name} model; valid from "
+        f"{low:.2f} to {high:.2f} m/s.",
+        f"Computed for MOT_SPD_SCA_BASE {loop.scale_base:g} m/s, SCHED_LOOP_RATE {loop.loop_hz:g} Hz, "
+        f"INS_GYRO_FILTER {loop.gyro_hz:g} Hz and SERVO{loop.servo}_MIN, _TRIM, _MAX {_travel(proposal)}:",
+        "compute them again if one of these changes.",
+        f"By the model: gain margin {margins.gain_db:.1f} dB, phase margin {_degrees(margins.phase_deg)}; "
+        f"worst within the intervals and these speeds: {judged.worst_gain[0]:.1f} dB, "
+        f"{_degrees(judged.worst_phase[0])}.",
+        *proposal.support.reasons,
+        *proposal.support.remarks,
+    )
+    return (*lines, loop.assumed_words) if loop.assumed else lines
+
+
+def _reasons(proposal: Proposal, judged: AssessedGains) -> dict[str, str]:
+    """{parameter: reason} of the proposed parameters."""
+    scale = proposal.autopilot.speed_scale(proposal.speed)
+    forward = (
+        f"r per road-wheel angle is {proposal.steady_gain:.3g} 1/s and the firmware scales steering by "
+        f"{scale:.3g} at {proposal.speed:.2f} m/s{_other_speeds(proposal)}{_integrator(proposal, judged)}"
+    )
+    if proposal.support.level != "gains":
+        return {"ATC_STR_RAT_FF": forward}
+    with_p = f"crossover frequency {judged.margins.crossover:.2g} rad/s"
+    return {
+        "ATC_STR_RAT_FF": forward,
+        "ATC_STR_RAT_P": with_p if judged.gains.p > 0 else "does not help with this delay and FF",
+        "ATC_STR_RAT_I": "fastest correction of a disturbance (with P) within margins and 5 % overshoot",
+        "ATC_STR_RAT_D": "would mainly pass the gyro's noise to the servo"
+        if judged.gains.d == 0
+        else "compensates part of the loop's lag, so that P and I can be larger",
+        "ATC_STR_RAT_IMAX": "covers the error of FF at the largest turn rate and a trim error of 0.03 rad",
+    }
+
+
+def _other_speeds(proposal: Proposal) -> str:
+    others = [(v, ff) for v, ff in (proposal.feed_forwards or {}).items() if v != proposal.speed]
+    if not others:
+        return ""
+    here = (proposal.feed_forwards or {})[proposal.speed]
+    elsewhere = ", ".join(f"{ff:.3f} at {v:.2g} m/s" for v, ff in sorted(others))
+    return f": {here:.3f} holds a steady turn ({elsewhere})"
+
+
+def _integrator(proposal: Proposal, judged: AssessedGains) -> str:
+    right = (proposal.feed_forwards or {}).get(proposal.speed)
+    return ", minus what the integrator supplies" if right and judged.gains.ff < 0.999 * right else ""
+
+
+def _was(name: str, now: float, value: float, proposal: Proposal) -> str:
+    if name in proposal.autopilot.assumed:
+        return f" (default {now:g})"
+    return " (unchanged)" if f"{now:.6g}" == f"{value:.6g}" else f" (was {now:.6g})"
+
+
+def _travel(proposal: Proposal) -> str:
+    loop = proposal.autopilot
+    right, left = (loop.us_left, loop.us_right) if loop.reversed else (loop.us_right, loop.us_left)
+    return f"-{left:g}/0/+{right:g} us about the trim"
+
+
+def _degrees(angle: float) -> str:
+    return f"{angle:.0f} deg" if angle < 1e3 else "unlimited (the loop gain never reaches 1)"
+
+
+# The proposal of the speed loop and the steering's limits as plain data for JSON.
+
+
+def speed_gains_document(proposal: SpeedProposal) -> dict[str, Any]:
+    """The proposal; "proposed" is null if level is "none"; infinity is null."""
+    return {
+        "level": proposal.level,
+        "reasons": list(proposal.reasons),
+        "remarks": list(proposal.remarks),
+        "speeds_m_s": list(proposal.found.speeds),
+        "assumed_parameters": list(proposal.loop.assumed),
+        "throttle_min_percent": proposal.throttle_min,
+        "now": _assessed(proposal.now),
+        "proposed": _assessed(proposal.proposed),
+    }
+
+
+def limits_document(limits: SteeringLimits) -> dict[str, Any]:
+    """The steering's limits, with what they come from."""
+    return {
+        "parameters": {"ATC_STR_RAT_MAX": limits.rate_max, "ATC_TURN_MAX_G": limits.turn_g},
+        "reach_deg_s": limits.reach,
+        "confirmed_g": limits.confirmed_g,
+    }
+
+
+def _assessed(judged: AssessedSpeed | None) -> dict[str, Any] | None:
+    if judged is None:
+        return None
+    numbers = {
+        "gain_margin_db": judged.margins.gain_db,
+        "phase_margin_deg": judged.margins.phase_deg,
+        "worst_gain_margin_db": judged.worst_gain,
+        "worst_phase_margin_deg": judged.worst_phase,
+        "crossover_rad_s": judged.margins.crossover,
+    }
+    return {
+        "parameters": judged.settings.parameters,
+        **{name: _finite_speed(value) for name, value in numbers.items()},
+        "step": {name: _finite_speed(value) for name, value in asdict(judged.step).items()},
+    }
+
+
+def _finite_speed(value: float) -> float | None:
+    return value if math.isfinite(value) else None
+
+
+# The settings of the speed loop and the steering's limits as lines of a parameter file, a reason on each.
+
+
+def speed_text(proposal: SpeedProposal) -> str:
+    """The text for the .param file; ValueError without a proposal."""
+    judged = proposal.proposed
+    if judged is None:
+        raise ValueError("there are no settings of the speed loop to write")
+    now, reasons = proposal.loop.now.parameters, _speed_reasons(proposal, judged)
+    lines = [
+        f"{name} {value:.6g}  # {reasons[name]}{_speed_was(name, now[name], value, proposal)}"
+        for name, value in judged.settings.parameters.items()
+        if name in reasons
+    ]
+    if proposal.throttle_min is not None:
+        was = f"(was {100 * proposal.loop.least:g})"
+        why = "dead zone of the motor controller; counts in all modes, MANUAL too"
+        lines.append(f"MOT_THR_MIN {proposal.throttle_min:g}  # {why} {was}")
+    margins, step = judged.margins, judged.step
+    heading = (
+        "Speed loop, from a throttle sweep. By the model: gain margin "
+        f"{margins.gain_db:.1f} dB, phase margin {margins.phase_deg:.0f} deg; worst within the intervals: "
+        f"{judged.worst_gain:.1f} dB, {judged.worst_phase:.0f} deg.",
+        f"Predicted step of {step.size:.1f} m/s: overshoot {step.overshoot:.1f} %, rise {step.rise:.2f} s.",
+        *proposal.reasons,
+        *proposal.remarks,
+    )
+    return "\n".join((*(f"# {line}" for line in heading), "", *lines)) + "\n"
+
+
+def limits_text(limits: SteeringLimits, now: dict[str, float]) -> str:
+    """Lines of ATC_STR_RAT_MAX and ATC_TURN_MAX_G, which is a comment where it would only lower. now: the
+    current values by name, {} if unknown.
+    """
+    reasons = {
+        "ATC_STR_RAT_MAX": (limits.rate_max, f"90 % of the {limits.reach:.0f} deg/s at the steering's stops"),
+        "ATC_TURN_MAX_G": (
+            limits.turn_g,
+            "lateral acceleration that the runs confirm; a larger sweep may raise it",
+        ),
+    }
+    off = {"ATC_TURN_MAX_G"} if limits.lowers else set[str]()
+    was = {name: f" (was {value:g})" for name, value in now.items()}
+    return "".join(
+        f"{'# ' if name in off else ''}{name} {value:.6g}  # {why}{was.get(name, '')}\n"
+        for name, (value, why) in reasons.items()
+        if value is not None
+    )
+
+
+def _speed_reasons(proposal: SpeedProposal, judged: AssessedSpeed) -> dict[str, str]:
+    """{parameter: reason} of the proposed parameters."""
+    s = judged.settings
+    cruise = {
+        "CRUISE_SPEED": "mean speed of the sweeps (also the speed of missions, unless WP_SPEED is set)",
+        "CRUISE_THROTTLE": f"holds {s.cruise_speed:.2f} m/s without feedback",
+    }
+    if proposal.level != "gains":
+        return cruise
+    return cruise | {
+        "ATC_SPEED_P": f"crossover frequency {judged.margins.crossover:.2g} rad/s",
+        "ATC_SPEED_I": "smallest error on steps and slopes (with P) within margins and 5 % overshoot",
+        "ATC_SPEED_D": "would mainly pass the noise of the speed to the motor",
+        "ATC_ACCEL_MAX": "three quarters of what drive and drag can do at these speeds",
+    }
+
+
+def _speed_was(name: str, now: float, value: float, proposal: SpeedProposal) -> str:
+    if name in proposal.loop.assumed:
+        return f" (default {now:g})"
+    return " (unchanged)" if f"{now:.6g}" == f"{value:.6g}" else f" (was {now:.6g})"

@@ -4,22 +4,109 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
 from rover_sweep.data.geometry import Geometry
-from rover_sweep.data.recording import LowPass
-from rover_sweep.diagnosis.linear.linear import hidden_filters, left_out, linear
+from rover_sweep.data.plausibility import implausible
+from rover_sweep.data.recording import AT_LOOP, LowPass
+from rover_sweep.diagnosis.linear import hidden_filters, left_out, linear
 from rover_sweep.diagnosis.result import Diagnosis
-from rover_sweep.gains import recorded_loop
-from rover_sweep.gains.trust import absurd, not_predicted
 from rover_sweep.identification.model_results import UNTIED
-from rover_sweep.identification.models.bicycle import bicycle
-from rover_sweep.identification.models.kinematic import kinematic
-from rover_sweep.identification.models.roll_yaw import roll_yaw
-from rover_sweep.identification.structure.state_space import ModelStructure
-from rover_sweep.identification.verdicts import CR_LIMIT, I_LIMIT
+from rover_sweep.identification.models import bicycle, kinematic, roll_yaw
+from rover_sweep.identification.state_space import ModelStructure
+from rover_sweep.identification.verdicts import CR_LIMIT, I_LIMIT, J_RMS_GUIDE, TIC_GUIDE
+
+# Autopilot loop during the runs, from the runs of an identification.json.
+
+
+SLOWEST_LOOP, FASTEST_LOOP = 20.0, 400.0  # Hz, of ArduRover's main loop
+
+
+def loop_wait(run: Mapping[str, Any]) -> float:
+    """Mean wait [s] of the recorded command for the main loop; the controller's output has no such wait.
+
+    The applet logs its command when it sets it; the servo gets it in the next main loop, half a period
+    later on average (`AP_MotorsUGV::output` calls the one push a loop). 0 if the log reader stamped the
+    command at the main loop, or if it was logged when sent (SERVO_OUTPUT_RAW, RCOU).
+    """
+    main = loop(run)
+    source = run["channels"].get("delta", {}).get("source", "")
+    waited = source.startswith("SWEP") and not source.endswith(AT_LOOP)
+    return 0.5 / main if main and waited else 0.0
+
+
+def loop(run: Mapping[str, Any]) -> float | None:
+    """Main loop rate [Hz] from the IMU, which is logged once per loop; None if unknown."""
+    rate = run["channels"].get("r", {}).get("rate_hz")
+    return round(float(rate)) * 1.0 if rate and SLOWEST_LOOP <= rate <= FASTEST_LOOP * 1.02 else None
+
+
+def cutoff(run: Mapping[str, Any]) -> float | None:
+    """Low-pass of the gyro [Hz], None if unknown."""
+    known = run["filters"].get("r")
+    return float(known["cutoff_hz"]) if known else None
+
+
+def play_remark(steering: Mapping[str, Any] | None) -> tuple[str, ...]:
+    """A remark if play was measured on blocks, and so is corrected in the runs and not in the model."""
+    half_gap = (steering or {}).get("backlash", {}).get("value", 0.0)
+    if not half_gap:
+        return ()
+    words = (
+        f"the steering's play ({half_gap:.3g} rad to each side) is not included in this loop: smaller "
+        "corrections act late or not at all"
+    )
+    return (words,)
+
+
+def widest_amplitude(runs: Sequence[Mapping[str, Any]]) -> float | None:
+    """The largest PWM amplitude [us] of the runs, from their coherence verdicts; None if unknown."""
+    return max(_amplitudes(runs), default=None)
+
+
+def _amplitudes(runs: Sequence[Mapping[str, Any]]) -> list[float]:
+    return [float(r["amplitude"]) for r in runs if r.get("amplitude") and r.get("amplitude_unit") == "us"]
+
+
+def amplitude(runs: Sequence[Mapping[str, Any]]) -> float | None:
+    """The smallest PWM amplitude [us] of the runs, from their coherence verdicts; None if unknown."""
+    found = _amplitudes(runs)
+    return float(min(found)) if found else None
+
+
+# Why a model may not set gains: it was not tested on a held-out run, or its numbers are implausible.
+
+
+IDENTIFIED = ("C", "Cf", "Cr", "Izz", "Ixx", "h", "k_phi")
+
+
+def not_predicted(held_out: Iterable[tuple[str, float, float]]) -> tuple[str, ...]:
+    """Sentences on a missing or failed prediction. held_out: (run, J_rms [deg/s and ft/s^2], TIC) of each."""
+    tested = tuple(held_out)
+    if not tested:
+        return (
+            "no run was held out, so it is unknown whether the model predicts another run: drive a doublet "
+            "or one more sweep, and give it to identify with --verify or to diagnose with --hold-out",
+        )
+    return tuple(
+        f"the model does not predict {run}, which was held out: J_rms {j_rms:.3g} (at most {J_RMS_GUIDE:g}), "
+        f"TIC {tic:.2f} (at most {TIC_GUIDE:g})"
+        for run, j_rms, tic in tested
+        if not (j_rms <= J_RMS_GUIDE and tic <= TIC_GUIDE)
+    )
+
+
+def absurd(rover: Geometry, found: Mapping[str, float]) -> tuple[str, ...]:
+    """Sentences on implausible numbers of a model. found: {parameter: SI value}, named as in the models.
+
+    Of a kinematic model only the effective wheelbase is judged, as a steering scale.
+    """
+    scale = found.get("gain", 1.0) * rover.wheelbase / found.get("L_eff", rover.wheelbase)
+    own = {n: found[n] for n in IDENTIFIED if n in found and "L_eff" not in found}
+    return implausible(rover, {**own, "steering_scale": scale})
+
 
 PHYSICAL = ("roll-yaw", "bicycle", "kinematic")  # models valid at speeds other than that of the runs
 NORMAL_90 = 1.645  # standard deviations to each side of a 90 % interval
@@ -97,7 +184,7 @@ def from_identification(document: Mapping[str, Any], wanted: str | None = None) 
     run = document["runs"][0]
     bands = [g["responses"]["r"]["band"] for g in document["groups"] if "r" in g["responses"]]
     usable = [b for b in bands if b]
-    wait = recorded_loop.wait(run)
+    wait = loop_wait(run)
     return Identified(
         name,
         model["verdict"]["level"],
@@ -106,12 +193,12 @@ def from_identification(document: Mapping[str, Any], wanted: str | None = None) 
         speeds,
         (max(b[0] for b in usable), min(b[1] for b in usable)) if usable else None,
         float(steering["rad_per_us"]["value"]) if steering else None,
-        recorded_loop.cutoff(run),
-        recorded_loop.loop(run),
-        recorded_loop.amplitude(document["runs"]),
-        recorded_loop.widest_amplitude(document["runs"]),
+        cutoff(run),
+        loop(run),
+        amplitude(document["runs"]),
+        widest_amplitude(document["runs"]),
         (),
-        recorded_loop.play_remark(steering),
+        play_remark(steering),
         tuple(model["verdict"]["sentences"]),
         _doubts(model, geometry, parameters),
     )

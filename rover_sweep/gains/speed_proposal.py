@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from rover_sweep.gains.margins import Margins
-from rover_sweep.gains.speed_chain import SpeedLoop, SpeedSettings
-from rover_sweep.gains.speed_identified import BATTERY, IdentifiedSpeed
-from rover_sweep.gains.speed_tuning import (
+from rover_sweep.gains.speed_chain import (
+    BATTERY,
     MOST_OVERSHOOT,
+    IdentifiedSpeed,
+    SpeedLoop,
+    SpeedSettings,
     SpeedStep,
     cruise,
     design_speed,
@@ -17,6 +18,7 @@ from rover_sweep.gains.speed_tuning import (
     step_of_speed,
     without_dead_zone,
 )
+from rover_sweep.gains.tuning import Margins
 
 DEAD_ZONE = 0.05  # share of full above which MOT_THR_MIN is worth a remark
 

@@ -12,7 +12,7 @@ from rover_sweep.data.recording import Array, LowPass
 from rover_sweep.errors import missing_extra
 from rover_sweep.identification.fit import FitResult
 from rover_sweep.identification.model_results import ModelResult
-from rover_sweep.identification.structure.state_space import ModelStructure
+from rover_sweep.identification.state_space import ModelStructure
 from rover_sweep.spectra.response import FrequencyResponse
 
 if TYPE_CHECKING:

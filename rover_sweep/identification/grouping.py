@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from rover_sweep.data.plain_values import PlainNumbers
 from rover_sweep.data.recording import Recording
-from rover_sweep.identification.cost import Condition, sampled
+from rover_sweep.data.results import PlainNumbers
+from rover_sweep.identification.fit import Condition, sampled
 from rover_sweep.quality.coherence import input_responses, sign_is_wrong
 from rover_sweep.spectra.conditioned import correlated_inputs, moving
 from rover_sweep.spectra.response import Band, FrequencyResponse

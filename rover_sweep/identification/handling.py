@@ -18,13 +18,12 @@ from itertools import combinations
 
 import numpy as np
 
-from rover_sweep.data.geometry import GRAVITY
-from rover_sweep.data.plain_values import PlainNumbers
-from rover_sweep.data.recording import Recording
-from rover_sweep.data.result_table import ShortTable, Shown, plain_number
+from rover_sweep.data.geometry import FRICTION, GRAVITY, NEAR
+from rover_sweep.data.recording import Note, Recording
+from rover_sweep.data.results import PlainNumbers, ShortTable, Shown, plain_number
 from rover_sweep.identification.fit import Estimate, FitResult
-from rover_sweep.identification.models.bicycle import axle_stiffness
-from rover_sweep.identification.structure.state_space import ModelStructure
+from rover_sweep.identification.models import axle_stiffness
+from rover_sweep.identification.state_space import ModelStructure
 
 PEAK = 99.0  # percentile that is taken as the peak
 STEP = 1e-6  # relative step of a parameter in central differences
@@ -295,3 +294,46 @@ def _bound(slope: np.ndarray, covariance: np.ndarray | None) -> float | None:
         return None
     variance = float(slope @ covariance @ slope)
     return float(np.sqrt(variance)) if np.isfinite(variance) and variance >= 0 else None
+
+
+# Warnings of runs near the critical speed or the friction limit.
+
+
+def warnings(
+    found: Handling | None, runs: Sequence[Recording], friction: float | None = None
+) -> tuple[Note, ...]:
+    """Warnings of runs close to the critical speed or with a peak a_y close to the friction limit.
+
+    found: gives the critical speed. friction: peak side force of the tyres over their load, 0.5 when None.
+    a_y is V r, which holds neither the roll nor the vibration of an accelerometer's signal.
+    """
+    notes = []
+    critical = found.get("critical_speed") if found else None
+    for run in runs:
+        if critical and (speed := _fastest(run)) > NEAR * critical:
+            notes.append(
+                f"{run.name}: {speed:.2f} m/s is {100 * speed / critical:.0f} % of the critical speed "
+                f"{critical:.2f} m/s ({found.model if found else ''} model), above which the rover spins "
+                "without countersteering: drive slower"
+            )
+        limit = (friction or FRICTION) * GRAVITY
+        if (peak := peak_lateral_acceleration(run)) > NEAR * limit:
+            source = "friction of the vehicle file" if friction else f"friction {FRICTION:g}, assumed"
+            remedy = (
+                "" if friction else ", or give the friction of the ground in the vehicle file if it is higher"
+            )
+            notes.append(
+                f"{run.name}: a_y reaches {peak:.1f} m/s^2, {100 * peak / limit:.0f} % of the friction limit "
+                f"{limit:.1f} m/s^2 ({source}), where tyres are not linear: reduce amplitude or speed{remedy}"
+            )
+    return tuple(Note("warning", text) for text in notes)
+
+
+def _fastest(run: Recording) -> float:
+    return float(np.percentile(np.abs(run.manoeuvre("speed").x), PEAK))
+
+
+def peak_lateral_acceleration(run: Recording) -> float:
+    """99th percentile of |V r| over the manoeuvre, m/s^2."""
+    r, speed = run.manoeuvre("r"), run["speed"]
+    return float(np.percentile(np.abs(r.x * np.interp(r.t, speed.t, speed.x)), PEAK))

@@ -4,26 +4,33 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
-from rover_sweep.data.by_name import ByName
 from rover_sweep.data.geometry import Geometry
-from rover_sweep.data.later import data_frame, drawing
-from rover_sweep.data.plain_values import PlainNumbers
-from rover_sweep.data.recording import Recording
-from rover_sweep.data.result_table import ShortTable, Shown
-from rover_sweep.identification.cost import Condition, costs
-from rover_sweep.identification.fit import Estimate, FitResult, fit, is_stable
+from rover_sweep.data.recording import Recording, data_frame, drawing
+from rover_sweep.data.results import ByName, PlainNumbers, ShortTable, Shown
+from rover_sweep.identification.fit import (
+    Condition,
+    Estimate,
+    FitResult,
+    costs,
+    drawn_starts,
+    fit,
+    is_stable,
+    near_starts,
+)
 from rover_sweep.identification.grouping import MODELS, Group, Settings
-from rover_sweep.identification.models.bicycle import bicycle
-from rover_sweep.identification.models.lumped import lumped
-from rover_sweep.identification.models.roll_yaw import roll_yaw
-from rover_sweep.identification.reduction import ReductionStep, reduce_model
-from rover_sweep.identification.starts import drawn_starts, near_starts
-from rover_sweep.identification.structure.state_space import ModelStructure
-from rover_sweep.identification.verdicts import ModelVerdict, judge_model, kinematic_suffices
+from rover_sweep.identification.models import bicycle, kinematic, lumped, roll_yaw
+from rover_sweep.identification.state_space import ModelStructure
+from rover_sweep.identification.verdicts import (
+    ModelVerdict,
+    ReductionStep,
+    judge_model,
+    kinematic_suffices,
+    reduce_model,
+)
 from rover_sweep.identification.verify import UNITS, Verification, verify
 
 UNTIED, TIED = "Cf and Cr free", "one C for both axles"
@@ -68,7 +75,7 @@ class ModelResult(PlainNumbers, Shown):
         >>> len(result.models["roll-yaw"].plot())
         3
         """
-        return drawing("of_model:draw_model")(self, axes)
+        return drawing("draw_model")(self, axes)
 
     def to_frame(self) -> Any:
         """The parameters as a pandas.DataFrame with the name as index; UsageError without pandas.
@@ -263,3 +270,112 @@ def fitted_result(
     verification = tuple(verify(structure, run) for run in usable)
     verdict = judge_model(best, physical=structure.name != "lumped", verification=verification)
     return ModelResult(best, all_costs, variants, verification, verdict, steps)
+
+
+# The model that a diagnosis tests if the user names none: the most complete one that the runs determine.
+#
+# As in `recommendation`, tyres are no part of it where the kinematic model fits as well, and roll is none
+# where the roll rate does not follow the steering. A poor fit counts for nothing here: what it lacks is
+# asked for.
+
+
+Determined = Literal["roll-yaw", "bicycle", "kinematic"]
+
+
+def determined_model(groups: Sequence[Group], geometry: Geometry) -> tuple[Determined, str]:
+    """(the most complete model that the groups determine, why no more complete one; "" for the roll-yaw)."""
+    sound = tuple(g for g in groups if not g.why_not())
+    if not sound:  # refused later, with the reason
+        return "roll-yaw", ""
+    work = Work(sound, geometry, (), Settings())
+    found = {}
+    for structure in (kinematic(geometry), bicycle(geometry)):
+        best = fit(structure, work.conditions(), drawn_starts(structure)).structure
+        found[structure.name] = costs(best, work.conditions(structure.outputs))
+    if why := kinematic_suffices(found):
+        return "kinematic", why
+    try:
+        need_roll("roll-yaw", work)
+    except NotPossible as reason:
+        return "bicycle", str(reason)
+    return "roll-yaw", ""
+
+
+# The recommended model, with the reasons as sentences.
+
+
+PHYSICAL = ("roll-yaw", "bicycle")  # valid at other speeds, the more complete one first
+ORDER = (*PHYSICAL, "lumped", "kinematic")
+USABLE = ("good", "acceptable")
+WHEELBASE_RATIO = 2.0  # of effective and measured wheelbase, either way; more indicates a wrong unit or scale
+
+
+def recommendation(
+    models: Mapping[str, ModelResult], no_tyres: str | None, faults: tuple[str, ...] = ()
+) -> tuple[str | None, tuple[str, ...]]:
+    """(name of the model to use or None, sentences, most important first).
+
+    no_tyres: a sentence on why tyre parameters cannot be identified, or None. faults: sentences on faults of
+    the data and of the vehicle file.
+    """
+    usable = [n for n in ORDER if n in models and models[n].verdict.level in USABLE]
+    if faults and usable in ([], ["kinematic"]):
+        return None, (f"use none of these models: {faults[0]}", *faults[1:])
+    if not usable:
+        return None, (_none_fits(models), *filter(None, (no_tyres,)), *faults)
+    best = usable[0]
+    if no_tyres and best == "kinematic":
+        return best, (f"use the kinematic model: {no_tyres}", *faults)
+    reasons = models[best].verdict.sentences[: 1 if best == "lumped" else 2]
+    others = (*_passed_over(best, models), *_axles_sentence(models[best]), *_lumped_sentence(best, models))
+    return best, (f"use the {best} model: {'; '.join(reasons)}", *others, *faults)
+
+
+def _none_fits(models: Mapping[str, ModelResult]) -> str:
+    """Why no model is recommended, with the reasons against the most complete one that was identified."""
+    identified = (n for n in ORDER if n in models and models[n].verdict.level != "not identifiable")
+    name = next(identified, "kinematic")
+    kind = "model" if name == "lumped" else "physical model"
+    why = f"{name}: {'; '.join(models[name].verdict.sentences[:2])}"
+    return f"no {kind} fits these runs ({why}): use `rover-sweep diagnose` to find what is left out"
+
+
+def _passed_over(best: str, models: Mapping[str, ModelResult]) -> tuple[str, ...]:
+    """A sentence for each more complete physical model that was fitted and is not used."""
+    better = [n for n in ORDER[: ORDER.index(best)] if n in models and n in PHYSICAL]
+    return tuple(
+        f"the {n} model is {models[n].verdict.level}: {models[n].verdict.sentences[0]}" for n in better
+    )
+
+
+def _axles_sentence(best: ModelResult) -> tuple[str, ...]:
+    """A sentence where separate stiffnesses of the axles replaced the one C of the paper."""
+    tied = best.variants.get(TIED)
+    if tied is None:
+        return ()
+    return (
+        f"each axle has its own stiffness: one C for both, as in the paper, has J_ave {tied.average:.1f} "
+        f"instead of {best.fit.average:.1f}",
+    )
+
+
+def _lumped_sentence(best: str, models: Mapping[str, ModelResult]) -> tuple[str, ...]:
+    """A sentence on why a lumped model with a lower cost is not recommended."""
+    lumped = models.get("lumped")
+    if best == "lumped" or lumped is None or lumped.fit.average > MUCH_BETTER * models[best].fit.average:
+        return ()
+    return (
+        f"the lumped model fits closer (J_ave {lumped.fit.average:.1f}), but is valid at "
+        f"{lumped.fit.speed:.2g} m/s only and its coefficients are not physical properties",
+    )
+
+
+def wrong_wheelbase(plain: ModelResult, wheelbase: float) -> tuple[str, ...]:
+    """A sentence when the rover turns far less or far more than its wheelbase gives."""
+    ratio = plain.fit["L_eff"].value / wheelbase
+    if 1 / WHEELBASE_RATIO < ratio < WHEELBASE_RATIO:
+        return ()
+    return (
+        f"the yaw rate is {1 / ratio:.2g} times that expected from the wheelbase of {wheelbase:.3g} m: check "
+        "rad_per_us, the axle distances, and the units of the yaw rate and the speed",
+    )

@@ -2,46 +2,198 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
+from itertools import combinations
 from math import isfinite
 
+import numpy as np
 from threadpoolctl import threadpool_limits
 
-from rover_sweep.data.by_name import ByName
 from rover_sweep.data.geometry import Geometry
-from rover_sweep.data.plain_values import PlainNumbers
 from rover_sweep.data.plausibility import implausible
 from rover_sweep.data.recording import Recording
-from rover_sweep.data.result_table import ShortTable, Shown, band_words
-from rover_sweep.identification.bootstrap.model_intervals import with_intervals
-from rover_sweep.identification.fit import Estimate
+from rover_sweep.data.results import ByName, PlainNumbers, ShortTable, Shown, band_words
+from rover_sweep.identification.bootstrap import with_intervals
+from rover_sweep.identification.fit import (
+    Condition,
+    Estimate,
+    FitResult,
+    costs,
+    drawn_starts,
+    fit,
+    has_zero_response,
+)
 from rover_sweep.identification.grouping import MODELS, Group, Settings, grouped
 from rover_sweep.identification.handling import Handling, gain_error, handling, has_handling
-from rover_sweep.identification.imu_place import wrong_place
 from rover_sweep.identification.model_results import (
+    PHYSICAL,
     TIED,
     UNTIED,
     ModelResult,
     NotPossible,
     Work,
+    fitted_result,
     model_result,
     physical_result,
+    recommendation,
     tyres_not_identifiable,
+    wrong_wheelbase,
 )
-from rover_sweep.identification.models.kinematic import kinematic
-from rover_sweep.identification.models.steering_lag import refitted_with_lag
-from rover_sweep.identification.own_structure import own_result
-from rover_sweep.identification.recommendation import PHYSICAL, recommendation, wrong_wheelbase
-from rover_sweep.identification.structure.state_space import ModelStructure
+from rover_sweep.identification.models import kinematic, refitted_with_lag
+from rover_sweep.identification.state_space import OUTPUTS, ModelStructure
 from rover_sweep.identification.verdicts import ModelVerdict, at_most_acceptable
 from rover_sweep.quality.coherence import CoherenceTable, CoherenceVerdict, assess, input_responses
-from rover_sweep.quality.doubts import doubts
-from rover_sweep.quality.faults import fault_sentences, without_faulty
-from rover_sweep.quality.length import each_with_length, too_short, with_length
+from rover_sweep.quality.faults import (
+    doubts,
+    each_with_length,
+    fault_sentences,
+    too_short,
+    with_length,
+    without_faulty,
+)
 from rover_sweep.quality.rovers import TWO_ROVERS, with_rovers
 from rover_sweep.spectra.conditioned import moving
+
+# A user's own structure, fitted to the runs like the built-in models.
+
+
+def own_result(structure: ModelStructure, work: Work) -> ModelResult:
+    """The fit of a structure over all speeds to the fitted responses that it has, verified and judged.
+
+    Raises NotPossible with the reason when the runs do not allow it.
+    """
+    for name in structure.inputs[1:]:
+        if any(name not in g.others for g in work.groups):
+            raise NotPossible(
+                f"{structure.name} has the input {name}, but the responses are not conditioned on it: add "
+                f"--condition-on {name} and use runs in which it was recorded and moves"
+            )
+    if unknown := [o for o in structure.outputs if o not in OUTPUTS]:
+        raise NotPossible(
+            f"{structure.name} has the output {unknown[0]!r}; outputs can be {', '.join(OUTPUTS)}"
+        )
+    if not structure.free:
+        raise NotPossible(f"{structure.name} has no free parameter, so there is nothing to identify")
+    outputs = [o for o in structure.outputs if o in work.settings.fitted]
+    conditions = work.conditions(outputs or structure.outputs)
+    if not all(c.data for c in conditions):
+        raise NotPossible(
+            f"{structure.name} cannot be identified: none of its outputs ({', '.join(structure.outputs)}) "
+            "has a usable band in the fitted responses"
+        )
+    if not _has_finite_responses(structure, conditions):
+        raise NotPossible(
+            f"{structure.name} has no finite nonzero response at {work.groups[0].speed:.2f} m/s: change its "
+            "starting values"
+        )
+    starts = [
+        s for s in drawn_starts(structure) if _has_finite_responses(structure.with_values(s), conditions)
+    ]
+    best = fit(structure, conditions, starts)
+    variants = {}
+    if any(g.runs[0].filters for g in work.groups):
+        bare = work.conditions(outputs or structure.outputs, filtered=False)
+        variants["filters ignored"] = fit(best.structure, bare)
+    return fitted_result(best, variants, work)
+
+
+def _has_finite_responses(structure: ModelStructure, conditions: Sequence[Condition]) -> bool:
+    """True when every response of the structure is finite and nonzero."""
+    try:
+        with np.errstate(all="ignore"):
+            whole = list(costs(structure, conditions).values())
+            return bool(np.all(np.isfinite(whole))) and not has_zero_response(structure, conditions)
+    except (ArithmeticError, np.linalg.LinAlgError):
+        return False
+
+
+# Detects a wrong sign in the IMU's position of the vehicle file: the reversed position gives a better model.
+#
+# a_y is measured at the IMU: a_y of the CG + x r' - z p', so only a_y depends on x and z. A wrong x changes
+# the identified tyre stiffness and yaw inertia instead of the fit: 5 cm with the wrong sign gave C = 78
+# instead of 32 N/rad at J_ave = 6. The cost alone does not show it, but the yaw inertia does: it was 2.5
+# times too large.
+
+
+PLACED = ("roll-yaw", "bicycle")  # models with a physical yaw inertia
+MIN_DISTANCE = 0.02  # m from the CG: the effect of a smaller one is too small
+NOISE = 2.0  # J_ave of a perfect model with noise
+MAX_RISE = 1.25  # of J_ave, up to which a better yaw inertia still decides
+INERTIA = 1.5  # weight of ln(yaw inertia) against ln(J_ave)
+THRESHOLD = 0.65  # of the score; the largest of 26 correct cases (IMU at +-3, 5, 8 cm) is .55
+INERTIA_RATIO = 0.75  # yaw inertia over m a b when the vehicle file has none; rovers have .56 to .9
+
+
+def wrong_place(found: FitResult, conditions: Sequence[Condition], geometry: Geometry) -> str:
+    """A sentence on what to correct in imu.position of the vehicle file, '' if the signs are plausible."""
+    tried = [
+        (names, fit(found.structure.with_values(reversed_values), conditions))
+        for names, reversed_values in _reversed_signs(found, geometry)
+    ]
+    scores = [(_score(found, other, geometry), names, other) for names, other in tried]
+    score, names, best = max(scores, key=lambda t: t[0], default=(0.0, (), found))
+    return _sentence(found, best, names, geometry) if score > THRESHOLD else ""
+
+
+def wrong_place_in(found: Sequence[Group], geometry: Geometry, model: str) -> str:
+    """The same from groups of runs; '' when the model has no IMU position or cannot be identified."""
+    groups = tuple(g for g in found if not g.why_not())
+    if model not in PLACED or not groups:
+        return ""
+    work = Work(groups, geometry, (), Settings(models=(model,)))
+    try:
+        return wrong_place(model_result(model, work).fit, work.conditions(), geometry)
+    except NotPossible:
+        return ""
+
+
+def _score(found: FitResult, other: FitResult, geometry: Geometry) -> float:
+    """Score of the reversed position: decrease of ln J_ave plus that of the yaw inertia's log error."""
+    if other.average > MAX_RISE * found.average:
+        return -np.inf
+    improvement = _inertia_error(found, geometry) - _inertia_error(other, geometry)
+    return float(np.log((found.average + NOISE) / (other.average + NOISE)) + INERTIA * improvement)
+
+
+def _inertia_error(found: FitResult, geometry: Geometry) -> float:
+    """|ln(identified yaw inertia / expected)|."""
+    return abs(float(np.log(found["Izz"].value / _inertia(geometry))))
+
+
+def _inertia(geometry: Geometry) -> float:
+    """Expected yaw inertia [kg m^2]: that of the vehicle file, or typical for this mass and these axles."""
+    return geometry.yaw_inertia or INERTIA_RATIO * geometry.mass * geometry.a * geometry.b
+
+
+def _sentence(found: FitResult, best: FitResult, names: tuple[str, ...], geometry: Geometry) -> str:
+    axes = " and ".join(names)
+    change = "falls" if best.average < found.average else "hardly rises"
+    source = "the vehicle file says" if geometry.yaw_inertia else "mass and axles suggest"
+    return (
+        f"the IMU's position has the wrong sign: with {axes} of imu.position reversed, J_ave {change} "
+        f"from {found.average:.1f} to {best.average:.1f}, and the yaw inertia {best['Izz'].value:.3g}, not "
+        f"{found['Izz'].value:.3g} kg m^2 ({source} {_inertia(geometry):.3g}); check the sign of "
+        f"{axes} in the vehicle file"
+    )
+
+
+def _reversed_signs(
+    found: FitResult, geometry: Geometry
+) -> Iterator[tuple[tuple[str, ...], dict[str, float]]]:
+    """(axes whose sign is reversed, parameter values with these signs) for each combination to try."""
+    known = {p.name for p in found.structure.parameters if not p.free}
+    h = geometry.h or 0.0
+    values = {
+        "forward": {"imu_x": -geometry.imu_x},
+        "down": {"imu_z": 2 * h - geometry.imu_z},  # the file counts from the sprung CG
+    }
+    far = {"forward": abs(geometry.imu_x) > MIN_DISTANCE, "down": abs(geometry.imu_z - h) > MIN_DISTANCE}
+    usable = [n for n, change in values.items() if far[n] and set(change) <= known]
+    for names in (c for size in (1, 2) for c in combinations(usable, size)):
+        yield names, {k: x for n in names for k, x in values[n].items()}
+
 
 OF_FILE = ("roll-yaw", "bicycle", "lumped")  # models that depend on masses, inertias and the IMU's position
 

@@ -14,11 +14,9 @@ import numpy as np
 from scipy.fft import irfft, next_fast_len, rfft
 from scipy.linalg import expm
 
-from rover_sweep.data.later import drawing
-from rover_sweep.data.plain_values import PlainNumbers
-from rover_sweep.data.recording import Array, LowPass, Recording
-from rover_sweep.data.result_table import ShortTable, Shown, plain_number
-from rover_sweep.identification.structure.state_space import ModelStructure
+from rover_sweep.data.recording import Array, LowPass, Recording, drawing
+from rover_sweep.data.results import PlainNumbers, ShortTable, Shown, plain_number
+from rover_sweep.identification.state_space import ModelStructure
 
 UNITS = {"r": ("deg/s", 180 / np.pi), "ay": ("ft/s^2", 1 / 0.3048), "p": ("deg/s", 180 / np.pi)}
 RATE = 400.0  # Hz, of the simulation
@@ -71,7 +69,7 @@ class Verification(PlainNumbers, Shown):
 
     def plot(self, axes: Any = None) -> Any:
         """Draws measured and predicted channels; returns matplotlib axes (channels,), or those given."""
-        return drawing("of_model:draw_verification")(self, "model", axes)
+        return drawing("draw_verification")(self, "model", axes)
 
     def table(self) -> ShortTable:
         """J_rms and TIC of each channel and of all."""

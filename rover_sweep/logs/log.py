@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from rover_sweep.data.recording import ASSUMED, LowPass, Note, Signal
 from rover_sweep.errors import DataRefused
-from rover_sweep.files.printable import printable
+from rover_sweep.files.documents import printable
 
 Array = NDArray[np.float64]
 

@@ -6,12 +6,15 @@ The applet on the vehicle drives exactly these waves.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from firmware_params.applet_parameters import PARAMETERS, PREFIX, TYPES, for_manoeuvre
+from rover_sweep.errors import UsageError
 from rover_sweep.manoeuvre.multisine import Multisine, fading
 
 Array = NDArray[np.float64]
@@ -169,3 +172,71 @@ Manoeuvre = Sweep | Doublet | Multisine
 def long_periods(sweep: Sweep) -> float:
     """Number of periods of w_min in T_rec; 4..5 are advised (Tischler & Remple 2012, chapter 5)."""
     return sweep.t_rec * sweep.w_min / (2 * math.pi)
+
+
+# A manoeuvre as the parameters of the applet.
+
+
+LEAST_SAMPLES = 10  # per period of the highest frequency
+
+
+def parameters_of(manoeuvre: Manoeuvre, **others: float) -> dict[str, float]:
+    """SWP_ parameters [us, rad/s, s] that make the applet drive this manoeuvre.
+
+    others: further parameters, such as limits, by the applet's names without prefix (v_max, roll_max, ...).
+    UsageError for values that the applet would refuse.
+    """
+    numbers = asdict(manoeuvre)
+    if twice := sorted(numbers.keys() & others.keys()):
+        raise UsageError(f"{', '.join(twice)}: set by the manoeuvre; remove it from the limits")
+    try:
+        return for_manoeuvre(numbers.pop("kind"), **numbers, **others)
+    except ValueError as error:
+        raise UsageError(str(error)) from error
+
+
+def refuse_undersampled(manoeuvre: Manoeuvre, loop_rate: float) -> None:
+    """UsageError when w_max is too high for a SCHED_LOOP_RATE [Hz]: below 10 samples per period."""
+    top = 2 * math.pi * loop_rate / LEAST_SAMPLES
+    if isinstance(manoeuvre, Sweep | Multisine) and manoeuvre.w_max > top:
+        samples = 2 * math.pi * loop_rate / manoeuvre.w_max
+        raise UsageError(
+            f"w_max {manoeuvre.w_max:g} rad/s has {samples:.1f} samples per period at the loop rate of "
+            f"{loop_rate:g} Hz, but {LEAST_SAMPLES} are needed: use {math.floor(top):g} rad/s or less"
+        )
+
+
+# The manoeuvre configured in the applet's parameters.
+
+
+_DEFAULTS = {p.name: p.default for p in PARAMETERS}
+
+
+def configured_manoeuvre(values: Mapping[str, float]) -> Manoeuvre | None:
+    """The manoeuvre of these SWP_ parameters [us, rad/s, s]; missing ones have their defaults.
+
+    None without any SWP_ parameter, or for values that the applet would refuse.
+    """
+    if not any(name.startswith(PREFIX) for name in values):
+        return None
+    known = {**_DEFAULTS, **values}
+    try:
+        return _made(known)
+    except ValueError:
+        return None
+
+
+def _made(known: Mapping[str, float]) -> Manoeuvre | None:
+    amplitude, count = known["SWP_AMP"], round(known["SWP_COUNT"])
+    straight, fade, dwell = (known[f"SWP_{name}"] for name in ("STRAIGHT", "FADE", "DWELL"))
+    kind = next((kind for kind, number in TYPES.items() if number == round(known["SWP_TYPE"])), "")
+    if kind == "doublet":
+        return Doublet(amplitude, known["SWP_PULSE"], known["SWP_PAUSE"], count, straight)
+    low, high, length = known["SWP_WMIN"], known["SWP_WMAX"], known["SWP_TREC"]
+    if kind == "multisine":
+        return Multisine(amplitude, low, high, length, count, fade, dwell, straight)
+    if kind == "bias_sweep":
+        return BiasSweep(amplitude, low, high, length, fade, dwell, straight, bias=known["SWP_BIAS"])
+    if kind == "throttle":
+        return ThrottleSweep(amplitude, low, high, length, fade, dwell, straight)
+    return Sweep(amplitude, low, high, length, fade, dwell, straight) if kind == "sweep" else None

@@ -11,12 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from rover_sweep.data.later import data_frame
-from rover_sweep.data.plain_values import PlainNumbers
-from rover_sweep.data.recording import Array, Recording
-from rover_sweep.data.result_table import ShortTable, Shown, band_words
-from rover_sweep.quality.faults import advice_on, is_unexcited
-from rover_sweep.quality.length import is_short, short_trials
+from rover_sweep.data.recording import Array, Recording, data_frame
+from rover_sweep.data.results import PlainNumbers, ShortTable, Shown, band_words
+from rover_sweep.quality.faults import advice_on, is_short, is_unexcited, short_trials
 from rover_sweep.spectra.amplitude import RISING_FROM, octaves, wanted_factor
 from rover_sweep.spectra.conditioned import conditioned_responses
 from rover_sweep.spectra.response import (

@@ -2,19 +2,200 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Literal
 
 import numpy as np
 
-from rover_sweep.data.recording import Note, Recording
-from rover_sweep.quality.clipping import CLIPPED, clipping
-from rover_sweep.quality.clock_rate import STRETCHED, stretched_by_angles
-from rover_sweep.quality.kinematics import kinematics
-from rover_sweep.quality.length import TOO_SHORT
-from rover_sweep.quality.relations import relations
+from rover_sweep.data.recording import ASSUMED, Array, Note, Recording, Signal
+from rover_sweep.quality.relations import STRETCHED, kinematics, relations, stretched_by_angles
 from rover_sweep.quality.rovers import TWO_ROVERS
+from rover_sweep.spectra.response import LOWEST_BIN
+
+# Detects a clipped sensor: the signal stays at one extreme value below the full scale of its channel.
+
+
+CLIPPED = "clipped"
+SENSORS = {"r": "gyro", "p": "gyro", "ay": "accelerometer"}
+SHARE = 0.002  # of the run's samples at the extreme value
+MIN_STAYS = 3  # separate stays of two samples or more at the extreme value
+PILED_UP = 10.0  # samples at the extreme value over those at a value close to it; a sine has 3 to 8
+NEAR = 0.05  # of the signal's range: values close to the extreme
+STEEP = 3.0  # resolution steps in the last sample before a stay; a smooth maximum is reached in single steps
+STEERED = (
+    0.03  # of the steering's range: smallest change during a stay, as constant steering gives constant r
+)
+MIN_VALUES = 50  # distinct values of a signal; with fewer it is not judged
+
+
+def clipping(run: Recording) -> Iterator[Note]:
+    """A fault for each of r, p and a_y that stays at one extreme value while the steering moves."""
+    steering = run.manoeuvre("delta" if "delta" in run else "pwm")
+    for channel, sensor in SENSORS.items():
+        if channel not in run:
+            continue
+        signal = run.manoeuvre(channel)
+        share, extreme = max(
+            (_clipped(signal, side, steering), side * _top(signal, side)) for side in (1, -1)
+        )
+        if share > SHARE:
+            yield _fault(channel, sensor, extreme, share, signal.unit)
+
+
+def _fault(channel: str, sensor: str, extreme: float, share: float, unit: str) -> Note:
+    again = "drive again with a smaller amplitude, or set a larger range of the sensor"
+    text = (
+        f"{channel} is clipped: it stays at {extreme:.4g} {unit} for {100 * share:.1f} % of the run while "
+        f"the steering moves, so the {sensor} reached its range; {again}"
+    )
+    return Note("warning", text, CLIPPED, (channel,))
+
+
+def _top(signal: Signal, side: int) -> float:
+    return float(np.max(side * signal.x, initial=-np.inf))
+
+
+def _clipped(signal: Signal, side: int, steering: Signal) -> float:
+    """Share of the samples at the largest (side 1) or smallest value (-1) if clipped there, else 0."""
+    x = side * signal.x
+    levels = np.unique(x)
+    if levels.size < MIN_VALUES:
+        return 0.0
+    top, at = levels[-1], x == levels[-1]
+    near = levels[(levels < top) & (levels > top - NEAR * (top - levels[0]))]
+    usual = np.sum((x < top) & (x > top - NEAR * (top - levels[0]))) / max(near.size, 1)
+    stays = _stays(at)
+    if len(stays) < MIN_STAYS or at.sum() < PILED_UP * max(usual, 1.0):
+        return 0.0
+    if not _steep(x, stays, float(np.min(np.diff(levels)))) or not _moved(signal.t, stays, steering):
+        return 0.0
+    return float(np.mean(at))
+
+
+def _stays(at: Array) -> list[tuple[int, int]]:
+    """(first, last) indices of each stay of two samples or more."""
+    edges = np.flatnonzero(np.diff(np.concatenate(([0], at.astype(np.int8), [0]))))
+    return [(int(a), int(b) - 1) for a, b in edges.reshape(-1, 2) if b - a > 1]
+
+
+def _steep(x: Array, stays: list[tuple[int, int]], resolution: float) -> bool:
+    """True when the signal reaches its extreme value in large steps, unlike a smooth maximum."""
+    steps = [x[a - 1] - x[a - 2] for a, _ in stays if a > 1]
+    return bool(steps) and float(np.median(steps)) > STEEP * resolution
+
+
+def _moved(t: Array, stays: list[tuple[int, int]], steering: Signal) -> bool:
+    """True when the steering changes during one of the stays."""
+    whole = float(np.ptp(steering.x)) if steering.x.size else 0.0
+    moved = [float(np.ptp(part)) for a, b in stays if (part := steering.between(t[a], t[b]).x).size]
+    return whole > 0 and max(moved, default=0.0) > STEERED * whole
+
+
+# Reasons not to call a model good although it fits: errors that the data themselves cannot show.
+
+
+# First words of the notes on an incomplete recording (logs.runs.completeness).
+CUT = ("The recording ends before", "The recording begins after", "The recording has a hole", "A hole of")
+
+
+def doubts(runs: Sequence[Recording]) -> tuple[str, ...]:
+    """A sentence for each reason not to trust a good fit to these runs."""
+    return (*_assumed(runs), *_cut(runs))
+
+
+def _assumed(runs: Sequence[Recording]) -> Iterator[str]:
+    """An assumed low-pass: 4 Hz assumed for none gave C = 24 instead of 32 N/rad, at J_ave 18."""
+    found = sorted({c for run in runs for c, low in run.filters.items() if low.source == ASSUMED})
+    if found:
+        yield (
+            f"the low-pass of {', '.join(found)} was not recorded and the default value is assumed; if it "
+            "was set otherwise, the parameters are wrong by tens of percent: give --gyro-filter and "
+            "--accel-filter"
+        )
+
+
+def _cut(runs: Sequence[Recording]) -> Iterator[str]:
+    """No complete run: a sweep that ended at 9 rad/s gave Izz with an error of 12 %, at J_ave 1."""
+    if all(any(note.text.startswith(CUT) for note in run.notes) for run in runs):
+        names = ", ".join(run.name for run in runs)
+        yield f"no run was recorded completely ({names}), so some frequencies are missing: drive one again"
+
+
+# Detects runs that are too short: too few periods of the lowest frequency that a fit needs.
+#
+# The windows adapt to a record of any length, so coherence and cost look good even for 4 s.
+
+
+TOO_SHORT = "too short"
+ALL = ("r", "p", "ay", "vy", "speed", "delta", "pwm")
+SLOW = 2.0  # rad/s: a fit needs the nearly steady response, below the yaw mode of any small rover
+PERIODS = 5.0  # Tischler & Remple 2012, chapter 5: 4..5; random error of |H| .096 at a coherence of .9
+WINDOWS = 2.0  # windows that resolve that frequency, in a run
+REPEATS = 5  # short trials from which they count as repeats: T_F/5 is then the longest window (T&R 2012)
+SHORTEST = 1.5  # s, of such a trial
+
+
+def needed(lowest: float = SLOW) -> float:
+    """Time [s] of driving that a fit from `lowest` [rad/s] needs; less when that is above SLOW."""
+    return PERIODS * 2 * np.pi / max(lowest, SLOW)
+
+
+def too_short(runs: Sequence[Recording], lowest: float = SLOW) -> Note | None:
+    """The fault of runs that are too short in total, or None; runs shorter than 2 windows do not count.
+
+    Short trials count where there are `REPEATS` or more. lowest [rad/s]: lowest frequency of the fit.
+    """
+    period = needed(lowest) / PERIODS
+    lengths = [run.span[1] - run.span[0] for run in runs]
+    if sum(t for t in lengths if t >= WINDOWS * LOWEST_BIN * period) >= needed(lowest):
+        return None
+    if short_trials(runs) and sum(lengths) >= needed(lowest):
+        return None
+    driven = f"{len(runs)} runs of at most {max(lengths):.1f} s" if len(runs) > 1 else f"{lengths[0]:.1f} s"
+    text = (
+        f"too short: {driven} of driving, but {needed(lowest):.0f} s are needed ({PERIODS:g} periods of "
+        f"{2 * np.pi / period:.2g} rad/s) for a random error of 10 %; drive one complete sweep of "
+        f"{needed(lowest):.0f} s or more"
+    )
+    return Note("warning", text, TOO_SHORT, ALL)
+
+
+def short_trials(runs: Sequence[Recording]) -> bool:
+    """True for many short trials, joined as repeats: none has two windows of the lowest frequency."""
+    enough = [run for run in runs if run.span[1] - run.span[0] >= SHORTEST]
+    return len(enough) >= REPEATS and all(is_short(run) for run in runs)
+
+
+def is_short(run: Recording) -> bool:
+    """True for a run without two windows of the lowest frequency, which alone gives no response."""
+    return run.span[1] - run.span[0] < WINDOWS * LOWEST_BIN * needed() / PERIODS
+
+
+def with_length(runs: Sequence[Recording], lowest: float = SLOW) -> tuple[Recording, ...]:
+    """The runs of one fit; when they are too short in total, the first gets the fault."""
+    fault = too_short(runs, lowest) if runs else None
+    return (_marked(runs[0], fault), *runs[1:]) if fault else tuple(runs)
+
+
+def each_with_length(runs: Sequence[Recording]) -> tuple[Recording, ...]:
+    """The runs, each with the fault if it is too short; runs driven by hand are counted together.
+
+    Doublets are not judged: they are for verification.
+    """
+    by_hand = [run for run in runs if run.kind == "other"]
+    others = too_short(by_hand) if by_hand else None
+    faults = ((run, others if run.kind == "other" else _single(run)) for run in runs)
+    return tuple(_marked(run, fault) if fault else run for run, fault in faults)
+
+
+def _single(run: Recording) -> Note | None:
+    return None if run.kind == "doublet" else too_short([run])
+
+
+def _marked(run: Recording, fault: Note) -> Recording:
+    return replace(run, notes=(*(n for n in run.notes if n.fault != TOO_SHORT), fault))
+
 
 NO_EXCITATION = "no excitation"
 OF_SETS = (TOO_SHORT, TWO_ROVERS)  # faults of several runs together

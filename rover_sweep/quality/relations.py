@@ -6,12 +6,16 @@ of the IMU's position on a_y grow with frequency; roll adds g phi.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+from math import log
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rover_sweep.data.recording import Array, LowPass, Recording
+from rover_sweep.data.geometry import STANDARD_GRAVITY
+from rover_sweep.data.recording import Array, LowPass, Note, Recording
 
 STEP = 0.02  # s, of the common clock
 LOWEST, HIGHEST = 0.5, 8.0  # rad/s, band of the comparison
@@ -112,3 +116,336 @@ def _relation(t: Array, y: Array, x: Array, filter: LowPass | None = None) -> Re
 
 def _spectrum(x: Array) -> Spectrum:
     return np.asarray(np.fft.rfft((x - x.mean()) * np.hanning(x.size)))
+
+
+# The responses of a rover in a few bands, to check whether two runs are of the same rover.
+
+
+SAMPLE_STEP = 0.02  # s, of the common clock
+EDGES = np.geomspace(1.5, 15.0, 9)  # rad/s
+CLEAR_BAND = 0.8  # smallest coherence of a usable band
+FEWEST_BANDS = 4  # usable bands needed for a comparison
+LOW = 3  # lowest bands, in which the yaw rate depends on the wheelbase and hardly on the tyres
+WINDOW = 1.5  # equivalent bins of a Hann window, by which fewer averages are independent
+Complex = NDArray[np.complex128]
+
+
+@dataclass(frozen=True, eq=False)
+class Bands:
+    """A response h (n_bands,) and its relative random error (n_bands,), NaN where the coherence is low."""
+
+    h: Complex
+    error: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Fingerprint:
+    """yaw: r per steering and speed, which is the curvature of the path per steering; lean: p per a_y,
+    independent of tyres, surface, speed and steering.
+
+    speed [m/s]; amplitude of the steering, in its unit.
+    """
+
+    yaw: Bands
+    lean: Bands
+    speed: float
+    amplitude: float
+
+
+@dataclass(frozen=True)
+class AnswerDifference:
+    """Median relative difference of two responses, and its random error."""
+
+    difference: float
+    error: float
+
+
+def fingerprint(run: Recording, input: str) -> Fingerprint:
+    """The fingerprint of a run with the steering channel `input`; known low-passes are corrected."""
+    t = np.arange(run.span[0], run.span[1], SAMPLE_STEP)
+    w: Array = np.asarray(2 * np.pi * np.fft.rfftfreq(t.size, SAMPLE_STEP), np.float64)
+    spectra = {c: _band_spectrum(run, c, t, w) for c in (input, "r", "ay", "p") if c in run}
+    unknown = np.full(EDGES.size - 1, np.nan)
+    lean = Bands(unknown + 0j, unknown)
+    if {"p", "ay"} <= set(spectra):
+        lean = _answer(w, spectra["p"], spectra["ay"])
+    amplitude = float(np.ptp(run.manoeuvre(input).x)) / 2
+    spectra["r"] /= run.mean_speed
+    return Fingerprint(_answer(w, spectra["r"], spectra[input]), lean, run.mean_speed, amplitude)
+
+
+def _band_spectrum(run: Recording, channel: str, t: Array, w: Array) -> Complex:
+    x = run[channel].on(t)
+    found = np.fft.rfft((x - x.mean()) * np.hanning(t.size))
+    known = run.filters.get(channel)
+    return np.asarray(found / known.response(w) if known else found)
+
+
+def _answer(w: Array, output: Complex, input: Complex) -> Bands:
+    h, error = np.full(EDGES.size - 1, np.nan + 0j), np.full(EDGES.size - 1, np.nan)
+    for k in range(h.size):
+        inside = (w >= EDGES[k]) & (w < EDGES[k + 1])
+        x, y = input[inside], output[inside]
+        power = float(np.sum(np.abs(x) ** 2))
+        cross = complex(np.sum(x.conj() * y))
+        coherence = abs(cross) ** 2 / max(power * float(np.sum(np.abs(y) ** 2)), 1e-300)
+        if inside.sum() > 2 and coherence > CLEAR_BAND:
+            h[k] = cross / power
+            error[k] = np.sqrt((1 - min(coherence, 1.0)) * WINDOW / (2 * coherence * inside.sum()))
+    return Bands(h, error)
+
+
+def difference_of(one: Bands, two: Bands) -> AnswerDifference | None:
+    """Median difference of two responses in magnitude and phase, None with too few usable bands."""
+    clear = np.isfinite(one.error) & np.isfinite(two.error)
+    if clear.sum() < FEWEST_BANDS:
+        return None
+    off = np.abs(np.log(one.h[clear] / two.h[clear]))
+    return AnswerDifference(
+        float(np.median(off)), float(np.median(np.hypot(one.error[clear], two.error[clear])))
+    )
+
+
+def gain_ratio(one: Bands, two: Bands) -> AnswerDifference | None:
+    """|ln| of the ratio of two responses' magnitudes in the lowest bands, None where not usable."""
+    if not np.all(np.isfinite(one.error[:LOW]) & np.isfinite(two.error[:LOW])):
+        return None
+    off = np.log(np.abs(one.h[:LOW]) / np.abs(two.h[:LOW]))
+    return AnswerDifference(
+        abs(float(np.median(off))), float(np.median(np.hypot(one.error[:LOW], two.error[:LOW])))
+    )
+
+
+# Detects a clock that runs too fast or too slow, from angles and their rates or from a second clock.
+
+
+STRETCHED = "stretched clock"
+ALL = ("r", "p", "ay", "vy", "speed", "delta", "pwm")
+SLOPE = 0.05  # from 1: correct recordings have .98 to 1.00 between heading and yaw rate
+APPLET_OFF = 0.005  # from 1: correct recordings have 6e-5, as both clocks count the same oscillator
+ARRIVAL_OFF = 0.04  # from 1: the delay of a link may grow by a second in a run
+SHORTEST_TIMED, LONG_TIMED, FEWEST_TIMED = 3.0, 20.0, 20  # s, s, messages
+AGREE = 0.06  # between heading and roll: correct recordings have .02 to .06
+HEADING_ONLY = 0.1  # from 1, when only the heading is known
+REACH = 0.25, 4.0  # factors of a clock; outside, the unit is wrong
+
+
+def stretched_by_angles(found: Relations) -> Iterator[Note]:
+    """A fault when heading and roll angle both change by the same wrong factor of their rates.
+
+    Both gyros may be wrong instead: a_y, which no clock changes, is then that factor times V r. Without a
+    roll angle the heading decides, if r agrees with a_y.
+    """
+    if found.heading is None:
+        return
+    if found.roll is None:
+        yield from _by_heading(found.heading.ratio, found.force)
+        return
+    heading, roll = found.heading.ratio, found.roll.ratio
+    if not all(REACH[0] < x < REACH[1] for x in (heading, roll)) or abs(heading - 1) < SLOPE:
+        return
+    if abs(roll / heading - 1) < AGREE and not _gyros_are_wrong(heading, found.force):
+        yield stretched(
+            1 / heading,
+            f"heading and roll angle change {heading:.3g} and {roll:.3g} times as fast as r and p, "
+            f"unless both gyros read {1 / heading:.3g} times the true rate",
+        )
+
+
+def _gyros_are_wrong(heading: float, force: Relation | None) -> bool:
+    """True where a_y over V r is nearer to its usual value times the heading's factor than to that value."""
+    if force is None or force.ratio <= 0.0:
+        return False
+    apart = log(force.ratio / USUAL_FORCE)
+    return abs(apart - log(heading)) < abs(apart)
+
+
+def _by_heading(heading: float, force: Relation | None) -> Iterator[Note]:
+    agrees = force is not None and FORCE_RANGE[0] < force.ratio < FORCE_RANGE[1]
+    if agrees and REACH[0] < heading < REACH[1] and abs(heading - 1) > HEADING_ONLY:
+        yield stretched(1 / heading, f"the heading changes {heading:.3g} times as fast as r")
+
+
+def stretched_by_applet(t: Array, clock: Array) -> Iterator[Note]:
+    """A fault when the applet's clock (n,) [s] in a run differs in rate from the log's t (n,) [s]."""
+    ratio = _slope(clock, t) if t.size >= FEWEST_TIMED and np.ptp(clock) > SHORTEST_TIMED else 1.0
+    if abs(ratio - 1) > APPLET_OFF:
+        yield stretched(
+            ratio,
+            f"{np.ptp(clock):.4g} s of the applet's clock (SWEP.T) take {np.ptp(t):.4g} s "
+            "of the log's (TimeUS)",
+        )
+
+
+def stretched_by_arrival(t: Array, arrival: Array, heading: Relation | None) -> Iterator[Note]:
+    """A fault when messages with vehicle times t (n,) [s] arrive at another rate, arrival (n,) [s].
+
+    In a simulation that runs faster than real time they also do, without fault: if heading and yaw rate were
+    recorded, they decide.
+    """
+    ratio = _slope(arrival, t) if t.size >= FEWEST_TIMED and np.ptp(arrival) > LONG_TIMED else 1.0
+    refuted = heading is not None and abs(heading.ratio * ratio - 1) > abs(heading.ratio - 1)
+    if abs(ratio - 1) > ARRIVAL_OFF and REACH[0] < ratio < REACH[1] and not refuted:
+        yield stretched(
+            ratio,
+            f"messages of {np.ptp(t):.4g} s of the vehicle's clock arrived within {np.ptp(arrival):.4g} s",
+        )
+
+
+def _slope(x: Array, y: Array) -> float:
+    x, y = x - x.mean(), y - y.mean()
+    return float(x @ y / (x @ x))
+
+
+def stretched(factor: float, by: str) -> Note:
+    """The fault of a clock whose second lasts `factor` true seconds. by: the evidence."""
+    text = (
+        f"the clock of this recording is stretched by {factor:.3g}: {by}; frequencies, stiffness and "
+        "inertia would be wrong, so record again or correct the times"
+    )
+    return Note("warning", text, STRETCHED, ALL)
+
+
+# Detects a channel with the wrong sign or unit, from its kinematic relations to the others.
+
+
+REVERSED, UNIT, SCALE = "reversed", "other unit", "wrong scale"
+SAME = 0.8, 1.25  # an angle's slope over its rate: correct recordings have .94 to 1.01
+CLOSE = 1.15  # tolerance (factor) for the scale of a known unit; wheels that slip give others
+PLAIN = 0.5, 2.0  # magnitude of a factor that is not a change of unit
+LEANING = 0.15  # rad s^2/m: 84 deg at 1 g; correct recordings have .002 to .03
+DEGREES, G = 180 / np.pi, STANDARD_GRAVITY
+UNITS = {
+    "r": (("in deg/s", DEGREES), ("converted from deg/s twice", 1 / DEGREES), ("in mrad/s", 1e3)),
+    "p": (("in deg/s", DEGREES), ("converted from deg/s twice", 1 / DEGREES), ("in mrad/s", 1e3)),
+    "ay": (
+        ("in g", 1 / G),
+        ("in mg (or cm/s^2)", 1e3 / G),
+        ("in ft/s^2", 3.2808),
+        ("converted from g twice", G),
+    ),
+    "speed": (("in km/h", 3.6), ("in mph", 2.237)),
+}  # {channel: (unit, its value over the SI value)}
+ORIENTATION = "or the autopilot is not mounted as in AHRS_ORIENTATION, or the rover drove backwards"
+
+
+class Wrong(NamedTuple):
+    """A channel with `factor` times its true value, unless one of `others` is wrong. by: the evidence."""
+
+    channel: str
+    factor: float
+    by: str
+    others: tuple[str, ...] = ()
+
+
+def kinematics(found: Relations, given_speed: float | None = None) -> Iterator[Note]:
+    """A fault for each of r, p, a_y, V that contradicts the others.
+
+    given_speed [m/s]: a constant speed from the user. Its unit is known, so a contradiction is only a warning
+    (as in Stanford's second P1 file, whose speed is not known).
+    """
+    yaw = tuple(_yaw(found))
+    turned = any(wrong.channel == "ay" and wrong.factor < 0 and not wrong.others for wrong in yaw)
+    for wrong in (*yaw, *_roll(found), *_lean(found, turned)):
+        if wrong.channel == "speed" and given_speed is not None:
+            yield _given(wrong, given_speed)
+        else:
+            yield _fault(wrong)
+
+
+def _yaw(found: Relations) -> Iterator[Wrong]:
+    """Checks r by the heading, then a_y by V and the corrected r. No fit uses the heading."""
+    factor, heading, force = 1.0, found.heading, found.force
+    if heading is not None and not _within(heading.ratio, SAME):
+        if force is not None and _within(force.ratio, FORCE_RANGE):
+            return  # r agrees with a_y, so the heading is wrong
+        factor = 1 / heading.ratio
+        yield Wrong("r", factor, f"the rate of the heading is {heading.ratio:.3g} times r")
+    if force is not None and not _within(force.ratio * factor, FORCE_RANGE):
+        yield _of_force(force.ratio, factor, heading is not None, found.lean)
+
+
+def _of_force(ratio: float, factor: float, has_heading: bool, lean: Relation | None) -> Wrong:
+    """The wrong one of r, V and a_y, when a_y is `ratio` times V r and r is `factor` times its value.
+
+    Without a heading, the outward lean decides whether r or a_y is reversed.
+    """
+    by = f"a_y is {ratio:.3g} times V r"
+    if not has_heading and _unit("r", 1 / ratio):
+        return Wrong("r", 1 / ratio, by, ("ay",))
+    if _unit("speed", 1 / (ratio * factor)):
+        return Wrong("speed", 1 / (ratio * factor), by)
+    if not has_heading and lean is not None and ratio < 0 and _within(-ratio, FORCE_RANGE):
+        return Wrong("ay" if lean.ratio < 0 else "r", -1.0, by)
+    known = _unit("ay", ratio * factor) or _within(abs(ratio * factor), FORCE_RANGE)
+    others = (*(() if known else ("speed",)), *(() if has_heading else ("r",)))
+    return Wrong("ay", ratio * factor, by, others)
+
+
+def _roll(found: Relations) -> Iterator[Wrong]:
+    if found.roll is not None and not _within(found.roll.ratio, SAME):
+        by = f"the rate of the roll angle is {found.roll.ratio:.3g} times p"
+        yield Wrong("p", 1 / found.roll.ratio, by)
+
+
+def _lean(found: Relations, turned: bool) -> Iterator[Wrong]:
+    """Checks p by a_y: a rover leans outwards, by less than LEANING."""
+    if found.lean is None:
+        return
+    ratio = -found.lean.ratio if turned else found.lean.ratio
+    by = f"p is {ratio:.3g} rad s^2/m times the derivative of a_y, but a rover leans outwards, by less than"
+    if abs(ratio) > LEANING and found.force is not None and _within(abs(found.force.ratio), FORCE_RANGE):
+        yield Wrong("p", np.sign(ratio) * DEGREES, f"{by} {LEANING:g}")
+    elif ratio < 0:
+        yield Wrong("p", -1.0, f"{by} {LEANING:g}", ("ay",))
+
+
+def _within(x: float, range: tuple[float, float]) -> bool:
+    return range[0] < x < range[1]
+
+
+def _unit(channel: str, factor: float) -> tuple[str, float] | None:
+    """(words, factor) of the unit that gives a channel `factor` times its value (either sign), or None."""
+    off = {unit: abs(np.log(abs(factor) / unit[1])) for unit in UNITS[channel]}
+    best = min(off, key=lambda unit: off[unit])
+    return best if off[best] < np.log(CLOSE) else None
+
+
+def _given(wrong: Wrong, speed: float) -> Note:
+    return Note(
+        "warning",
+        f"the given speed of {speed:.4g} m/s does not agree with r and a_y: {wrong.by}, as expected at about "
+        f"{speed / abs(wrong.factor):.2g} m/s; give the speed of this run",
+    )
+
+
+def _fault(wrong: Wrong) -> Note:
+    channel, factor, by, others = wrong
+    if "speed" in others:
+        return _contradiction(wrong)
+    unit, turned, plain = _unit(channel, factor), factor < 0, _within(abs(factor), PLAIN)
+    states = [
+        *(["reversed"] if turned else []),
+        *([unit[0]] if unit else [] if plain else ["in another unit"]),
+    ]
+    divisor = (unit[1] if unit else 1.0 if turned and plain else abs(factor)) * np.sign(factor)
+    doubt = f" (or {' or '.join(others)} is wrong)" if others else ""
+    mounted = f", {ORIENTATION}" if channel == "ay" and turned else ""
+    text = (
+        f"{channel} is {' and '.join(states) or 'wrong by a factor'}{doubt}: {by}; "
+        f"divide {channel} by {divisor:.4g}{mounted}"
+    )
+    name = UNIT if unit or not plain else REVERSED if turned else SCALE
+    return Note("warning", text, name, (channel, *others))
+
+
+def _contradiction(wrong: Wrong) -> Note:
+    """The fault of channels of which any may be wrong, by no known unit."""
+    channels = (*wrong.others, wrong.channel)
+    low, high = FORCE_RANGE
+    text = (
+        f"{', '.join(channels[:-1])} and {channels[-1]} contradict each other: {wrong.by}, but correct "
+        f"recordings have {low:g} to {high:g}, and no unit has this ratio; check their units and scales, and "
+        "whether the wheels that measure the speed slip"
+    )
+    return Note("warning", text, SCALE, channels)

@@ -15,9 +15,8 @@ from typing import Any
 
 from firmware_params.param_files import shipped
 from rover_sweep.errors import LinkError
-from rover_sweep.vehicle.estimator import estimator_ready
-from rover_sweep.vehicle.link.link import Link
-from rover_sweep.vehicle.link.requests import Refused
+from rover_sweep.vehicle.identity import estimator_ready
+from rover_sweep.vehicle.link.link import Link, Refused
 from rover_sweep.vehicle.run.controls import Channels, Controls, pump
 from rover_sweep.vehicle.run.right_to_move import MovementLimits, RightToMove
 from sitl.plant.variant import PlantParameters

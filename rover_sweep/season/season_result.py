@@ -2,9 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Literal
+import re
+from collections import defaultdict
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+from typing import Any, Literal
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from rover_sweep.comparison.common_model import side_of
+from rover_sweep.data.geometry import Geometry, Tolerances
+from rover_sweep.data.recording import Array, Recording
+from rover_sweep.diagnosis.simulation.candidates import Model
+from rover_sweep.diagnosis.simulation.experiment import experiment, in_order
+from rover_sweep.spectra.side_by_side import one_thread
 
 DriftKind = Literal["gradual", "step", "day", "board", "parameter"]
 """gradual: grows from a day on. step: another value from a day on. day: on one day only, which is no drift.
@@ -112,3 +125,343 @@ class Season:
     def drifts(self) -> tuple[Drift, ...]:
         """Those of all vehicles that matter and that no other event explains."""
         return tuple(d for v in self.vehicles for d in v.drifts if d.counts)
+
+
+# The runs of one log fitted with the model of a season, as a likelihood of the model's coordinates.
+#
+# A day determines some combinations of coordinates well and others hardly: lag, inertia and steering scale,
+# for one, replace each other in a short run. The estimates of single days therefore scatter together. The
+# quadratic likelihood of the day at its fit, without the priors,
+#
+#     log L(x) = -1/2 x^T D x + h^T x,   D = J^T J/v,   h = D x_fit + J^T r/v
+#
+# keeps all of it, so that the days of a vehicle can share every coordinate that did not change. J: Jacobian
+# of the rows by the coordinates over their scales, r: residual rows, v: their variance. The priors count
+# once for a vehicle, not once a day.
+
+
+EFFECTS = ("steering_backlash",)
+SEASON = Tolerances(
+    lag=0.25,
+    delay=0.25,
+    early=0.03,
+    ratio=1.0,
+    bias_ay=1.5,
+    trim=0.06,
+    scale=0.03,
+    speed=0.01,
+    cg=0.025,
+    h=0.10,
+    roll_inertia=0.15,
+    imu_x=0.05,
+    imu_z=0.05,
+    sensor_lag=0.006,
+    velocity_gain=0.10,
+    velocity_lag=0.30,
+    heading=0.03,
+    together=0.20,
+    bend=1.5,
+)
+"""Wide where a rover changes, near the vehicle file elsewhere, so that the fits of all days are close."""
+
+
+@dataclass(frozen=True, eq=False)
+class FittedLog:
+    """The likelihood of the k coordinates over their scales, see the module.
+
+    names: of the coordinates. values (k,): the fit, with the priors. information (k, k): D. linear (k,): h.
+    variance: of a whitened row, 1 at the noise floor. runs: names of the fitted runs.
+    """
+
+    names: tuple[str, ...]
+    values: Array
+    information: Array
+    linear: Array
+    variance: float
+    runs: tuple[str, ...]
+
+
+def season_model(rover: Geometry) -> Model:
+    """The model of a season: the roll-yaw model with play, the bicycle where the file has no roll."""
+    rolls = bool(rover.sprung_mass and rover.h and rover.roll_inertia)
+    return Model("roll-yaw" if rolls else "bicycle", rover, SEASON, EFFECTS)
+
+
+@threadpool_limits.wrap(limits=1, user_api="blas")
+def fitted_log(runs: Sequence[Recording], rover: Geometry) -> FittedLog:
+    """The runs, with `delta`, fitted together, on one thread. rover: of the vehicle file."""
+    with one_thread():
+        side = side_of(in_order([experiment(run) for run in runs]), season_model(rover), {}, EFFECTS)
+    fitted, variance = side.fitted, side.fitted.overdispersion
+    information = fitted.jacobian.T @ fitted.jacobian / variance
+    linear = information @ side.values + fitted.jacobian.T @ fitted.rows / variance
+    names = tuple(c.name for c in side.coordinates)
+    return FittedLog(
+        names, side.values, np.asarray(information), linear, variance, tuple(r.name for r in runs)
+    )
+
+
+# One log of a season: when, on which board, with which parameters, and its fit or why there is none.
+
+
+TEXTS = (
+    "source",
+    "sha256",
+    "day",
+    "day_from",
+    "board",
+    "system",
+    "firmware",
+    "vehicle",
+    "vehicle_file",
+    "refused",
+)
+FORMAT = 1  # of the saved values; another one is measured again
+
+
+@dataclass(frozen=True, eq=False)
+class MeasuredLog:
+    """The values of one log.
+
+    source: path or URL as given. sha256: of its contents. day: ISO date (UTC), "" if not known; day_from:
+    "GPS", "telemetry", "file name" or "file time". board: name and id of the autopilot's board, "" if not
+    logged. system: MAVLink id, "" if not known. vehicle: its name, where a vehicle file is named after it,
+    else "". vehicle_file: name of the file whose numbers were used.
+    refused: the sentence of a log that cannot be used, "" for one that was fitted.
+    """
+
+    source: str
+    sha256: str = ""
+    day: str = ""
+    day_from: str = ""
+    board: str = ""
+    system: str = ""
+    firmware: str = ""
+    vehicle: str = ""
+    vehicle_file: str = ""
+    parameters: Mapping[str, float] = field(default_factory=dict)
+    fit: FittedLog | None = None
+    refused: str = ""
+
+
+def as_document(log: MeasuredLog) -> dict[str, Any]:
+    """The log in plain JSON types; `from_document` restores every number exactly."""
+    fit = log.fit
+    return {
+        "format": "rover-sweep measured log",
+        "format_version": FORMAT,
+        "source": log.source,
+        "sha256": log.sha256,
+        "day": log.day,
+        "day_from": log.day_from,
+        "board": log.board,
+        "system": log.system,
+        "firmware": log.firmware,
+        "vehicle": log.vehicle,
+        "vehicle_file": log.vehicle_file,
+        "parameters": dict(log.parameters),
+        "refused": log.refused,
+        "fit": None
+        if fit is None
+        else {
+            "names": list(fit.names),
+            "values": fit.values.tolist(),
+            "information": fit.information.tolist(),
+            "linear": fit.linear.tolist(),
+            "variance": fit.variance,
+            "runs": list(fit.runs),
+        },
+    }
+
+
+def from_document(document: Mapping[str, Any]) -> MeasuredLog:
+    """The log of `as_document`; KeyError, TypeError or ValueError for anything else."""
+    if document["format_version"] != FORMAT:
+        raise ValueError(f"format {document['format_version']} instead of {FORMAT}")
+    fit = document["fit"]
+    texts = {key: str(document[key]) for key in TEXTS}
+    return MeasuredLog(
+        **texts,
+        parameters={str(k): float(v) for k, v in document["parameters"].items()},
+        fit=None
+        if fit is None
+        else FittedLog(
+            tuple(fit["names"]),
+            np.array(fit["values"], float),
+            np.array(fit["information"], float),
+            np.array(fit["linear"], float),
+            float(fit["variance"]),
+            tuple(fit["runs"]),
+        ),
+    )
+
+
+# Which logs are of one vehicle, and its days.
+#
+# A log belongs to the vehicle whose file is named after it or lists its board. Otherwise to the board in the
+# log; two boards are one vehicle where they follow each other in a folder that holds no third one at the
+# same time: the board was swapped. A log without a board belongs to its folder and MAVLink id.
+
+
+@dataclass(frozen=True, eq=False)
+class VehicleDay:
+    """All fitted logs of a vehicle on one day, with the sum of their likelihoods (k, k), (k,)."""
+
+    day: str
+    logs: tuple[MeasuredLog, ...]
+    information: Array
+    linear: Array
+
+    @property
+    def parameters(self) -> Mapping[str, float]:
+        """Those of the last log of the day."""
+        return self.logs[-1].parameters
+
+    @property
+    def board(self) -> str:
+        """That of the last log of the day, "" if not logged."""
+        return self.logs[-1].board
+
+
+def by_vehicle(logs: Sequence[MeasuredLog]) -> dict[str, tuple[MeasuredLog, ...]]:
+    """{vehicle: its logs, by day and source}, of logs with a day; the names in order."""
+    ordered = sorted((log for log in logs if log.day), key=lambda log: (log.day, log.source))
+    swapped = _swapped(ordered)
+    found: dict[str, list[MeasuredLog]] = defaultdict(list)
+    for log in ordered:
+        own = swapped.get((folder_of(log.source), log.board), log.board)
+        system = f" system {log.system}" if log.system else ""
+        found[log.vehicle or own or f"{folder_of(log.source)}{system}"].append(log)
+    return {name: tuple(found[name]) for name in sorted(found)}
+
+
+def folder_of(source: str) -> str:
+    """Name of the folder of a path or URL, "" for none."""
+    return source.replace("\\", "/").rpartition("/")[0].rpartition("/")[2]
+
+
+def _swapped(logs: Sequence[MeasuredLog]) -> dict[tuple[str, str], str]:
+    """{(folder, board): name of the vehicle} of folders in which boards follow each other."""
+    spans: dict[str, dict[str, tuple[str, str]]] = defaultdict(dict)
+    for log in logs:
+        if log.board and not log.vehicle:
+            boards = spans[folder_of(log.source)]
+            first, _ = boards.get(log.board, (log.day, log.day))
+            boards[log.board] = first, log.day
+    out: dict[tuple[str, str], str] = {}
+    for folder, boards in spans.items():
+        ordered = sorted(boards.values())
+        chain = all(a[1] < b[0] for a, b in zip(ordered, ordered[1:], strict=False))
+        if len(boards) > 1 and chain and folder:
+            out |= {(folder, board): folder for board in boards}
+    return out
+
+
+def days_of(logs: Sequence[MeasuredLog]) -> tuple[VehicleDay, ...]:
+    """The days with a fit of the vehicle's usual model; logs with the same contents count once."""
+    seen: set[str] = set()
+    names = _usual_names(logs)
+    days: dict[str, list[MeasuredLog]] = defaultdict(list)
+    for log in logs:
+        if log.fit is not None and log.fit.names == names and log.sha256 not in seen:
+            seen.add(log.sha256)
+            days[log.day].append(log)
+    return tuple(_day(day, tuple(days[day])) for day in sorted(days))
+
+
+def _usual_names(logs: Sequence[MeasuredLog]) -> tuple[str, ...]:
+    every = [log.fit.names for log in logs if log.fit is not None]
+    return max(every, key=lambda names: (every.count(names), names)) if every else ()
+
+
+def _day(day: str, logs: tuple[MeasuredLog, ...]) -> VehicleDay:
+    fits = [log.fit for log in logs if log.fit is not None]
+    return VehicleDay(
+        day,
+        logs,
+        np.sum([fit.information for fit in fits], axis=0),
+        np.sum([fit.linear for fit in fits], axis=0),
+    )
+
+
+# Events that the logs themselves show: parameters of the firmware that changed, and another board.
+
+
+# Statistics and calibrations that the firmware itself changes; settings of the manoeuvre
+_BY_ITSELF = re.compile(
+    r"STAT_|SWP_|BARO\d?_|INS_.*(OFFS|_ID|CALTEMP|SCAL)|INS\d_|COMPASS_|GND_|FORMAT_VERSION|SYSID_SW|RC\d+_(MIN|MAX|TRIM)|"
+    r"AHRS_GPS|MIS_TOTAL|FENCE_TOTAL|RALLY_TOTAL|LOG_|BRD_SERIAL"
+)
+_ACTING = re.compile(
+    r"INS_(GYRO_FILTER|ACCEL_FILTER|HNTC|NOTCH|RAW_LOG|FAST|POS)|SERVO\d+_(TRIM|MIN|MAX|REVERSED|FUNCTION|RATE)|"
+    r"SERVO_RATE|AHRS_(ORIENTATION|TRIM)|SCHED_LOOP_RATE|ATC_|RCMAP_|FRAME_|MOT_"
+)
+"""Parameters that change the recorded signals, or the way from command to wheel."""
+SAME = 1e-6  # relative; parameters are single precision
+
+
+def parameter_changes(days: Sequence[VehicleDay]) -> tuple[ParameterChange, ...]:
+    """Parameters that differ from the day before, in the order of days and names."""
+    return tuple(change for one, two in pairwise(days) for change in _between(one, two))
+
+
+def _between(one: VehicleDay, two: VehicleDay) -> Iterator[ParameterChange]:
+    for name in sorted(one.parameters.keys() & two.parameters.keys()):
+        a, b = one.parameters[name], two.parameters[name]
+        if abs(a - b) > SAME * max(abs(a), abs(b)) and not _BY_ITSELF.match(name):
+            yield ParameterChange(name, one.day, two.day, a, b)
+
+
+def within(changes: Sequence[ParameterChange], first: str, last: str) -> tuple[ParameterChange, ...]:
+    """The changes that can have happened from the day `first` to the day `last`."""
+    return tuple(c for c in changes if c.day_before <= last and c.day_after >= first)
+
+
+def event_drifts(vehicle: str, days: Sequence[VehicleDay], changes: Sequence[ParameterChange]) -> list[Drift]:
+    """Each other board, and each changed parameter that acts on signals or steering."""
+    out = []
+    for one, two in pairwise(days):
+        at = tuple(c for c in changes if c.day_after == two.day)
+        if one.board and two.board and one.board != two.board:
+            words = (
+                f"{vehicle}: the board was swapped between {one.day} and {two.day} "
+                f"({one.board} before, {two.board} after)"
+            )
+            out.append(
+                Drift(
+                    vehicle,
+                    "board",
+                    "board",
+                    "autopilot that wrote the log",
+                    "",
+                    two.day,
+                    two.day,
+                    two.day,
+                    parameters=at,
+                    sentence=words,
+                )
+            )
+        out += [_of_parameter(vehicle, c) for c in at if _ACTING.match(c.name)]
+    return out
+
+
+def _of_parameter(vehicle: str, c: ParameterChange) -> Drift:
+    words = (
+        f"{vehicle}: {c.name} was changed from {c.before:g} to {c.after:g} "
+        f"between {c.day_before} and {c.day_after}"
+    )
+    meaning = "parameter of the firmware"
+    return Drift(
+        vehicle,
+        "parameter",
+        c.name,
+        meaning,
+        "",
+        c.day_after,
+        c.day_after,
+        c.day_after,
+        c.before,
+        c.after,
+        parameters=(c,),
+        sentence=words,
+    )

@@ -6,18 +6,19 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Generator, Iterator, Sequence
+from collections.abc import Generator, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
+from functools import cache
 from pathlib import Path
 
 from firmware_params.param_files import WantedParameter, compare
-from rover_sweep.errors import DataRefused, UsageError
-from rover_sweep.manoeuvre.applet_values import refuse_undersampled
-from rover_sweep.session.content import FetchedLog, SessionRun
-from rover_sweep.session.folder import Session
-from rover_sweep.session.left_armed import disarm_left_armed
-from rover_sweep.session.recordings import held
-from rover_sweep.vehicle.estimator import estimator_ready
+from rover_sweep.data.recording import Note, Recording
+from rover_sweep.errors import DataRefused, LinkError, UsageError
+from rover_sweep.logs import read_runs
+from rover_sweep.logs.readers.vehicle_clock import dropped_messages
+from rover_sweep.manoeuvre.sweep import ThrottleSweep, refuse_undersampled
+from rover_sweep.session.content import Content, DrivenRun, FetchedLog, SessionRun
+from rover_sweep.session.folder import DESCRIPTION, Session, read_folder
 from rover_sweep.vehicle.events import (
     Connected,
     Event,
@@ -27,17 +28,191 @@ from rover_sweep.vehicle.events import (
     SessionFinished,
     StreamsSet,
 )
-from rover_sweep.vehicle.identity import check_applet, identify_vehicle, untested
-from rover_sweep.vehicle.link.access import Access
+from rover_sweep.vehicle.identity import check_applet, estimator_ready, identify_vehicle, untested
+from rover_sweep.vehicle.link.connection import Access
 from rover_sweep.vehicle.link.link import Link
 from rover_sweep.vehicle.link.streams import IDENTIFICATION_RATES, request_all, stop
 from rover_sweep.vehicle.link.transport import Line
-from rover_sweep.vehicle.logs.download import LogEntry, LogSaved, MavlinkLogs
-from rover_sweep.vehicle.parameters.read_write import read_parameter, read_present
-from rover_sweep.vehicle.run.controls import pump
+from rover_sweep.vehicle.logs import LogEntry, LogSaved, MavlinkLogs
+from rover_sweep.vehicle.parameters import LAPSE, SHORT, read_parameter, read_present
+from rover_sweep.vehicle.run.controls import ARM, AUX, FORCE, SCRIPTING_1, RunSettings, pump
 from rover_sweep.vehicle.run.one_run import one_run
-from rover_sweep.vehicle.run.settings import RunSettings
-from rover_sweep.vehicle.setup.install import install
+from rover_sweep.vehicle.setup import install
+
+# A rover that a run left armed: whether this session did it, and stopping and disarming it afterwards.
+
+
+_SAME_DRIVE = 600.0  # s of the vehicle's clock after which somebody else is taken to have armed it
+
+
+def armed_by_last_run(content: Content, now: float) -> bool:
+    """Whether an armed rover was armed by this program for its last run, which it could not end.
+
+    now: time since the vehicle's boot [s].
+    """
+    last = content.runs[-1] if content.runs else None
+    if last is None or not last.left_armed:
+        return False
+    return last.span is None or 0 <= now - last.span[1] < _SAME_DRIVE
+
+
+def let_go_late(link: Link, disarm: bool) -> Iterator[Event]:
+    """Stop the applet and, if `disarm`, disarm the rover; never starts anything."""
+    if link.command(AUX, float(SCRIPTING_1), 0.0) != 0:
+        yield Notice("warning", "this program could not stop the applet: throw the switch low")
+    if not (disarm and link.armed):
+        return
+    if link.command(ARM, 0.0) != 0:
+        link.command(ARM, 0.0, FORCE)
+    link.wait_for("HEARTBEAT", 3.0, lambda _: not link.armed)
+    if link.armed:
+        raise LinkError("the rover is armed and this program cannot disarm it; disarm it by hand")
+    yield Notice("warning", "the rover was still armed from the run that was cut short, and was disarmed")
+
+
+def disarm_left_armed(link: Link, content: Content) -> Iterator[Event]:
+    """Stop and disarm a rover that the last run of this session left armed; otherwise do nothing."""
+    if link.armed and not link.clock.known:
+        link.request_message("SYSTEM_TIME")  # its clock shows how old the last run is
+    if link.armed and armed_by_last_run(content, link.clock.now):
+        let_go = list(let_go_late(link, disarm=True))
+        if read_present(link, [LAPSE]).get(LAPSE) == SHORT[LAPSE]:
+            words = f"{LAPSE} is {SHORT[LAPSE]:g} s, perhaps from the interrupted run; the default is 3 s"
+            yield Notice("warning", words)
+        yield from let_go
+
+
+# The battery at the end of a recorded run.
+
+
+def battery_left(tlog: Path) -> float | None:
+    """Share of the battery in the last SYS_STATUS, 0 to 1; None where the vehicle does not know it."""
+    from rover_sweep.logs.readers.tlog import open_tlog
+    from rover_sweep.logs.readers.vehicle_clock import CLOCKS, sessions
+
+    boots = list(sessions(open_tlog(tlog, frozenset((*CLOCKS, "SYS_STATUS"))).messages))
+    if not boots or "SYS_STATUS" not in boots[-1].messages:
+        return None
+    percent = int(boots[-1].messages["SYS_STATUS"].rows["battery_remaining"][-1])
+    return percent / 100.0 if 0 <= percent <= 100 else None
+
+
+# Reads the runs of a session's folder from the vehicle's logs, or from the tlogs if the logs lack them.
+
+
+_END = 2.0  # s: tolerance between the end of a run and its end in the log
+
+
+def session_runs(folder: Path, filters: Mapping[str, float] | None = None) -> tuple[Recording, ...]:
+    """The completed runs on the steering, in the order driven, with their planned names.
+
+    filters: as in `read_runs`. Notes on the first run name the runs left out. DataRefused if none is left.
+    """
+    content = read_folder(folder)
+    steered = [run for run in content.runs if not isinstance(run.manoeuvre, ThrottleSweep)]
+    left_out = [f"{run.label} was left out: {run.reason}" for run in steered if run.state != "done"]
+    swept = [run.label for run in content.runs if run not in steered and run.state == "done"]
+
+    @cache
+    def runs_of(file: str) -> tuple[Recording, ...]:
+        return read_runs(str(folder / file), filters=filters)
+
+    found: list[Recording] = []
+    for run in (run for run in steered if run.state == "done"):
+        for file in _files(folder, content, run):
+            try:
+                found.append(replace(_own(runs_of(file), run), name=run.label))
+                break
+            except DataRefused as refusal:
+                why = str(refusal)
+        else:
+            left_out.append(f"{run.label} was left out: {why}")
+    if not found and not (folder / DESCRIPTION).is_file():  # logs in a folder, and no session of ours
+        raise UsageError(f"{folder} is a folder; give the path of a .BIN, .tlog or .csv in it")
+    if not found and swept and not left_out:
+        raise DataRefused(
+            f"{folder.name} has throttle sweeps only ({', '.join(swept)}); they are identified from the "
+            "vehicle's log: fetch its .BIN"
+        )
+    if not found:
+        raise DataRefused(
+            f"no run in {folder.name} was completed ({'; '.join(left_out) or 'none was driven'})"
+        )
+    notes = tuple(Note("warning", words) for words in left_out)
+    return (replace(found[0], notes=(*found[0].notes, *notes)), *found[1:])
+
+
+def _files(folder: Path, content: Content, run: DrivenRun) -> Sequence[str]:
+    """The files that may hold a run, the best first."""
+    logs = [log.file for log in content.logs if run.label in log.runs and (folder / log.file).is_file()]
+    return (*logs, run.tlog)
+
+
+def _own(found: Sequence[Recording], run: DrivenRun) -> Recording:
+    """The recording of that run among those of a file. DataRefused if there is none."""
+    if run.span is None:
+        raise DataRefused(f"{run.label} has no known time")
+    start, end = run.span
+    shared = [min(r.span[1], end) - max(r.span[0], start) for r in found]
+    if not shared or max(shared) <= 0:
+        raise DataRefused(f"the recording does not contain {run.label}")
+    return found[shared.index(max(shared))]
+
+
+def held(log: Path, runs: Sequence[DrivenRun]) -> tuple[str, ...]:
+    """Labels of the runs that the DataFlash log holds completely, by the applet's messages in it."""
+    from rover_sweep.logs.applet import applet_runs
+    from rover_sweep.logs.read import read_logs
+
+    there = [
+        (int(rows.run[0]), float(rows.t[0]), float(rows.t[-1]))
+        for part in read_logs(str(log))
+        for applet in (part.applet, part.throttle_applet)
+        if applet is not None
+        for rows in applet_runs(applet)
+    ]
+    return tuple(run.label for run in runs if any(_same(run, *rows) for rows in there))
+
+
+def _same(run: DrivenRun, number: int, start: float, end: float) -> bool:
+    """Whether a run in a log is `run`. The applet's counter continues over boots, so it distinguishes runs at
+    the same time after boot."""
+    if run.state != "done" or run.span is None or (run.number and number != run.number):
+        return False
+    return start < run.span[1] and run.span[1] - _END < end < run.span[1] + _END
+
+
+# From which file each run of a session is identified, and why.
+
+
+def origin_words(folder: Path, runs: Sequence[Recording]) -> Iterator[str]:
+    """A sentence for each file that `session_runs` chose: the vehicle's log if one holds the run completely,
+    else the telemetry."""
+    fetched = [log.file for log in read_folder(folder).logs]
+    for file in dict.fromkeys(run.sources[0][0] for run in runs):
+        mine = [run for run in runs if run.sources[0][0] == file]
+        steering, turning = mine[0]["pwm" if "pwm" in mine[0] else "delta"], mine[0]["r"]
+        rates = (
+            f"steering ({steering.source}) at {steering.rate:.0f} Hz, "
+            f"gyro ({turning.source}) at {turning.rate:.0f} Hz"
+        )
+        names = ", ".join(run.name for run in mine)
+        yield f"{names}: identified from {file}, {rates}; {_why(folder, file, fetched)}"
+
+
+def _why(folder: Path, file: str, fetched: Sequence[str]) -> str:
+    if file in fetched:
+        return f"the rover's log holds the whole run on one clock, {_dropped(folder / file)}"
+    if fetched:
+        return f"not from {', '.join(fetched)}, where the run is incomplete"
+    return "the rover's log was not fetched"
+
+
+def _dropped(log: Path) -> str:
+    lost = dropped_messages(log)
+    if lost is None:
+        return "and does not report whether messages were dropped"
+    return f"{lost or 'no'} {'message' if lost == 1 else 'messages'} dropped (DSF.Dp)"
 
 
 @dataclass(frozen=True)

@@ -22,10 +22,8 @@ from typing import Any
 
 import numpy as np
 
-from rover_sweep.data.later import data_frame, drawing
-from rover_sweep.data.plain_values import PlainNumbers
-from rover_sweep.data.recording import Array, Recording, Signal
-from rover_sweep.data.result_table import ShortTable, Shown, band_words
+from rover_sweep.data.recording import Array, Recording, Signal, data_frame, drawing
+from rover_sweep.data.results import PlainNumbers, ShortTable, Shown, band_words
 from rover_sweep.spectra.windowed import Complex, WindowSpectra, window_spectra
 
 COHERENCE_GOOD = 0.6  # guideline of Tischler & Remple 2012
@@ -83,7 +81,7 @@ class FrequencyResponse(PlainNumbers, Shown):
         >>> magnitude.get_ylabel(), coherence.get_xlabel()
         ('magnitude, dB', 'frequency, rad/s')
         """
-        return drawing("of_response:draw_one_response")(self, axes)
+        return drawing("draw_one_response")(self, axes)
 
     def to_frame(self) -> Any:
         """A pandas.DataFrame with the frequency w [rad/s] as index; UsageError without pandas.
@@ -316,3 +314,34 @@ def _bridgeable(
     gap = slice(left[1], right[0] + 1)
     wide_sides = min(x[left[1]] - x[left[0]], x[right[1]] - x[right[0]]) > 0.05
     return bool(wide_sides and x[right[0]] - x[left[1]] <= 0.2 and np.min(coherence[gap]) >= good / 2)
+
+
+# The phase of a response as it is drawn.
+
+
+def inside_band(f: FrequencyResponse) -> np.ndarray:
+    """(n_w,) True within the usable band; everywhere without a band."""
+    low, high = f.band or (f.w[0], f.w[-1])
+    return (f.w >= low * 0.999) & (f.w <= high * 1.001)
+
+
+def unwrapped_phase(h: Complex, f: FrequencyResponse) -> Array:
+    """Phase [deg] unwrapped outwards from the middle of the band, so that noise outside does not affect it.
+
+    Without a band the phase is not unwrapped: it stays within +-180.
+    """
+    if f.band is None:
+        return np.degrees(np.angle(h))
+    inside = np.flatnonzero(inside_band(f))
+    middle = int(inside[inside.size // 2])
+    angle = np.angle(h)
+    right = np.unwrap(angle[middle:])
+    left = np.unwrap(angle[: middle + 1][::-1])[::-1]
+    deg = np.degrees(np.concatenate((left[:-1], right)))
+    return deg - 360.0 * np.round((deg[inside[0]] - 1e-9) / 360.0)
+
+
+def nearest_turn(deg: Array, reference: Array, f: FrequencyResponse) -> Array:
+    """The phase shifted by multiples of 360 deg to be closest to the reference in the band."""
+    inside = inside_band(f)
+    return deg - 360.0 * np.round(float(np.median(deg[inside] - reference[inside])) / 360.0)

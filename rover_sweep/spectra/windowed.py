@@ -9,13 +9,117 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rover_sweep.data.recording import Array, Signal
-from rover_sweep.spectra.averages import independent_averages
-from rover_sweep.spectra.band_limited import even_grid, sinc_interpolated
-from rover_sweep.spectra.exponentials import Complex, EvenExponentials, Exponentials
+
+# Fourier sums of samples at given frequencies, on any time stamps.
+
+
+Complex = NDArray[np.complex128]
+
+
+def _exponentials(t: Array, w: Array) -> Complex:
+    angle = np.outer(t, w)
+    kernel = np.empty(angle.shape, complex)
+    np.cos(angle, out=kernel.real)
+    np.negative(np.sin(angle, out=angle), out=kernel.imag)
+    return kernel
+
+
+class Exponentials:
+    """exp(-j w t) for time stamps t (n,) [s] and frequencies w (n_w,) [rad/s]."""
+
+    def __init__(self, t: Array, w: Array) -> None:
+        self._kernel = _exponentials(t, w)
+
+    def sum(self, first: int, last: int, weights: Array) -> Complex:
+        """sum_k weights[k] exp(-j w t_k) (n_w,) over the time stamps first <= k < last."""
+        total: Complex = weights @ self._kernel[first:last]
+        return total
+
+
+class EvenExponentials:
+    """The same for evenly spaced frequencies w = w_0 + (a B + b) dw, faster.
+
+    exp(-j w t) is the product of a coarse (a) and a fine (b) exponential, so each time stamp needs 2
+    sqrt(n_w) exponentials instead of n_w, and the sums are a matrix product. Equal to the direct sums up to
+    rounding.
+    """
+
+    def __init__(self, t: Array, w: Array) -> None:
+        self._size = w.size
+        columns = int(np.ceil(np.sqrt(w.size)))
+        self._coarse = _exponentials(t, w[::columns])
+        self._fine = _exponentials(t, w[:columns] - w[0])
+
+    def sum(self, first: int, last: int, weights: Array) -> Complex:
+        """sum_k weights[k] exp(-j w t_k) (n_w,) over the time stamps first <= k < last."""
+        rows = (self._coarse[first:last] * weights[:, None]).T @ self._fine[first:last]
+        return np.asarray(rows.ravel()[: self._size])
+
+
+# The number of independent averages of overlapping windows, from their positions.
+#
+# T_F / T_win holds for records of many windows. Near the length of the record it is too large: three windows
+# of 15 s within 20 s would count as 2.7 instead of 1.5. The longest window of a short record would then get
+# too much weight in the composite, and its coherence by chance would count as signal.
+
+
+def hann_correlation(shift: Array) -> Array:
+    """Correlation (...) of a Hann window with itself at `shift` (...) of its length (Harris 1978, eq. 17)."""
+    u = np.minimum(np.abs(shift), 1.0)
+    return (1 - u) * (2 + np.cos(2 * np.pi * u)) / 3 + np.sin(2 * np.pi * u) / (2 * np.pi)
+
+
+def independent_averages(starts: Sequence[Array], length: float) -> float:
+    """Number of independent averages with the variance of the mean over overlapping windows (Welch 1967).
+
+    n^2 / sum_ij rho^2((t_i - t_j)/length) for n windows of `length` [s] at t_i, rho the correlation of the
+    window; tends to 1.9 T_F/T_win at 80 % overlap. starts: per run, (n_windows,) [s].
+    """
+    count = sum(s.size for s in starts)
+    shared = sum(
+        float(np.sum(hann_correlation((s[:, None] - s[None, :]) / length) ** 2)) for s in starts if s.size
+    )
+    return count**2 / shared if shared else 0.0
+
+
+# Interpolation of spectra to any frequencies from an even grid as fine as the window resolves.
+#
+# The mean spectrum of windows of length T is the Fourier transform of a correlation that is zero beyond lags
+# of +-T. By the sampling theorem its values on an even grid finer than pi/T determine it everywhere.
+
+
+OVERSAMPLED = 2.0  # how much finer than pi/T the grid is
+REACH = 12  # grid points on each side of an interpolated value; error 1e-8 of the largest of them
+
+
+def even_grid(w: Array, length: float) -> Array:
+    """Even grid (n_grid,) [rad/s] for interpolating spectra of windows of `length` [s] to w (ascending)."""
+    step = np.pi / (OVERSAMPLED * length)
+    count = int(np.ceil((w[-1] - w[0]) / step)) + 2 * REACH + 1
+    return np.asarray(w[0] + step * (np.arange(count) - REACH))
+
+
+def sinc_interpolated(grid: Array, values: NDArray[Any], w: Array) -> NDArray[Any]:
+    """values (..., n_grid) on an even grid, interpolated to w (n_w,): (..., n_w).
+
+    w must be within the range that `even_grid` was made for. A sinc times the window exp(b (sqrt(1 - u^2) -
+    1)) (Barnett, Magland and af Klinteberg 2019).
+    """
+    place = (w - grid[0]) / (grid[1] - grid[0])
+    nearest = np.clip(place.astype(int), REACH - 1, grid.size - REACH - 1)
+    taps = np.arange(1 - REACH, REACH + 1)
+    away = (place - nearest)[:, None] - taps
+    sharpness = np.pi * REACH * (1 - 1 / OVERSAMPLED)
+    inside = np.sqrt(np.maximum(1 - (away / REACH) ** 2, 0.0))
+    weights = np.sinc(away) * np.exp(sharpness * (inside - 1))
+    return np.asarray(np.einsum("...wk,wk->...w", values[..., nearest[:, None] + taps], weights))
+
 
 OVERLAP = 0.8  # of neighbouring windows
 PER_PERIOD = 24  # samples per period of w_max; faster even samples are averaged

@@ -2,28 +2,194 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass, replace
+from functools import partial
+from math import degrees
 from pathlib import Path
+from typing import Any
 
 from rover_sweep.files.replaced import write_file
-from rover_sweep.report.charts.shown_chart import ShownChart, by_section, png_source
-from rover_sweep.report.pictures.drawing_processes import pngs
+from rover_sweep.identification.fit import FitResult
+from rover_sweep.identification.handling import handling, has_handling
+from rover_sweep.identification.pipeline import ModelResult
+from rover_sweep.report.charts.static_svg import ShownChart, by_section, png_source
+from rover_sweep.report.pictures.frequency_response import (
+    history,
+    measured_responses,
+    modelled_responses,
+    verification,
+)
+from rover_sweep.report.pictures.picture import Picture, pngs
 from rover_sweep.report.templates import environment
-from rover_sweep.report.wording.provenance import versions
-from rover_sweep.report.wording.strict_json import strict_json
-from rover_sweep.study.conditions import Progress
-from rover_sweep.study.figures import figures
+from rover_sweep.report.wording import strict_json, versions
+from rover_sweep.study import findings, published
+from rover_sweep.study import findings as parameter_findings
 from rover_sweep.study.findings import StudyFinding
-from rover_sweep.study.overview import outcome_counts, rover_sentences
-from rover_sweep.study.published import PAPER
-from rover_sweep.study.published_tables import (
+from rover_sweep.study.published import MODELS, PAPER
+from rover_sweep.study.virtual_study import (
+    CHECKS,
+    Practice,
+    Progress,
+    Study,
     cost_comparison,
     parameter_comparison,
     practices_table,
     verifications,
 )
-from rover_sweep.study.study_json import study_document
-from rover_sweep.study.virtual_study import Study
+
+# Sentences on the whole study: how many findings came out, and the virtual rover.
+
+
+def all_findings(study: Study) -> tuple[StudyFinding, ...]:
+    """Every published finding, tested."""
+    return tuple(make(study) for make in (*findings.FOUND_IN_MODELS, *parameter_findings.FOUND_IN_PARAMETERS))
+
+
+def outcome_counts(found: tuple[StudyFinding, ...]) -> str:
+    """How many findings came out, and which did not."""
+    came = sum(f.outcome == "came out" for f in found)
+    part = sum(f.outcome == "came out in part" for f in found)
+    not_out = [f.key for f in found if f.outcome == "did not come out"]
+    words = f"{came} of {len(found)} statements came out on this rover, {part} in part"
+    return words + (f", {len(not_out)} did not ({', '.join(not_out)})." if not_out else ".")
+
+
+def rover_sentences(study: Study) -> tuple[str, ...]:
+    """The physics of the rover beyond the three structures, the firmware, and the assumptions."""
+    q, turf, firmware = study.runs.asphalt, study.runs.grass, study.runs.firmware
+    softer = 100 * (1 - turf.front_cornering_stiffness / q.front_cornering_stiffness)
+    return (
+        f"A nonlinear single track with roll and the body of Table 3 ({q.mass:g} kg, a "
+        f"{q.cg_to_front_axle:g} m, b {q.cg_to_rear_axle:g} m). Its other physics is in none of the "
+        f"three structures: tyres with a friction limit ({q.friction:g} of the load) and unequal axles "
+        f"({q.front_cornering_stiffness:g} and {q.rear_cornering_stiffness:g} N/rad); a servo with "
+        f"{1000 * q.servo_delay:.0f} ms of delay, {1000 * q.servo_lag:.0f} ms of lag and at most "
+        f"{degrees(q.servo_rate_limit):.0f} deg/s; a speed that drops in corners; an uneven road; a "
+        "velocity from an estimator.",
+        f"The firmware is ArduRover as shipped: main loop {firmware.loop_hz} Hz, gyro low-pass "
+        f"{firmware.gyro_filter_hz:g} Hz, accelerometer {firmware.accel_filter_hz:g} Hz. The applet's wave "
+        "is computed once per loop and held.",
+        "Assumed, because the paper does not give it: the servo, the scale from PWM to angle, the friction, "
+        f"the road, the grass (tyres {softer:.0f} % softer, friction {turf.friction:g}, "
+        f"{turf.road_force / q.road_force:.1f} times as rough), the amplitudes of the doublets, and that "
+        "the published rover ran these filters.",
+    )
+
+
+# Figures 2, 3, 6, 7 and 8 of the paper from the study's runs.
+
+
+VERIFIED = {"asphalt": "figure-7", "grass": "figure-8a", "fast": "figure-8b"}
+
+
+def figures(study: Study) -> Iterator[Picture]:
+    """The figures in the paper's order, to be drawn later; the fits are those made as in the paper."""
+    sweep = study.runs.sweeps[0]
+    yield Picture(
+        "figure-2", "recordings", "Figure 2: the sweep and the motion of the rover.", partial(history, sweep)
+    )
+    seen = replace(
+        study.paper.group,
+        responses={o: replace(f, band=study.coherent[o]) for o, f in study.paper.group.responses.items()},
+    )
+    yield Picture(
+        "figure-3",
+        "responses",
+        f"Figure 3: identified frequency responses at {study.paper.group.speed:.2f} m/s on asphalt. "
+        "Orange: where the coherence is at least 0.6.",
+        partial(measured_responses, seen),
+    )
+    for practice, name in ((study.paper, "figure-6"), (study.known, "figure-6-filters-known")):
+        caption = f"Figure 6: the models over the measured responses; {practice.words}."
+        yield Picture(name, "models", caption, partial(modelled_responses, practice.group, _models(practice)))
+    for check, name in VERIFIED.items():
+        figure = "Figure 7" if check == "asphalt" else "Figure 8"
+        caption = f"{figure}: {CHECKS[check]}, not used in any fit; {study.paper.words}."
+        verdicts = {m: study.paper.check(m, check) for m in MODELS}
+        draw = partial(verification, study.runs.checks[check], verdicts)
+        yield Picture(name, "verification", caption, draw)
+
+
+def _models(practice: Practice) -> dict[str, ModelResult]:
+    return {m: practice.result.models[m] for m in MODELS}
+
+
+# study.json: every number of the study and the published ones.
+
+
+def study_document(study: Study, found: tuple[StudyFinding, ...]) -> dict[str, Any]:
+    """The study in plain types: findings, published numbers, the rover, and each way of fitting."""
+    return {
+        "format": "rover-sweep study 1",
+        "paper": published.PAPER,
+        "seed": study.seed,
+        "versions": versions(),
+        "findings": {f.key: {"claim": f.claim, "outcome": f.outcome, "text": f.text} for f in found},
+        "published": _published(),
+        "rover": {"asphalt": asdict(study.runs.asphalt), "grass": asdict(study.runs.grass)},
+        "firmware": asdict(study.runs.firmware),
+        "speed_m_s": study.paper.group.speed,
+        "coherent_bands_rad_s": dict(study.coherent),
+        "practices": {key: _practice(p) for key, p in study.practices.items()},
+        "counterfactuals": {
+            "roll_yaw_frozen_at_identified_speed_tic": study.counterfactuals.frozen.tic,
+            "roll_yaw_cf_cr_free_tic": {k: v.tic for k, v in study.counterfactuals.untied.items()},
+            "roll_yaw_gyro_filter_ignored_tau_s": study.counterfactuals.gyro_ignored["tau"].value,
+            "roll_yaw_velocity_lag_known_izz_kg_m2": study.counterfactuals.prompt["Izz"].value,
+            "lumped_as_table_4_average": study.counterfactuals.as_table_4.average,
+        },
+    }
+
+
+def _published() -> dict[str, Any]:
+    return {
+        "parameters": {
+            m: {n: asdict(p) for n, p in rows.items()} for m, rows in published.PARAMETERS.items()
+        },
+        "cost": {m: dict(row) for m, row in published.COSTS.items()},
+        "verification": {
+            c: {m: asdict(v) for m, v in row.items()} for c, row in published.VERIFICATION.items()
+        },
+        "bands_rad_s": dict(published.BANDS),
+    }
+
+
+def _practice(practice: Practice) -> dict[str, Any]:
+    return {
+        "title": practice.title,
+        "words": practice.words,
+        "models": {m: _model(practice, m) for m in MODELS},
+    }
+
+
+def _model(practice: Practice, model: str) -> dict[str, Any]:
+    fit, costs = practice.fit(model), practice.result.models[model].costs
+    return {
+        "parameters": {
+            e.name: {
+                "value": e.value,
+                "unit": e.unit,
+                "free": e.free,
+                "cr_percent": e.cr_percent,
+                "insensitivity_percent": e.insensitivity_percent,
+            }
+            for e in fit.estimates
+        },
+        "cost": {**costs, "average": fit.average, "fitted": list(fit.costs)},
+        "verification": {c: _verification(practice, model, c) for c in CHECKS},
+        "critical_speed_m_s": _critical_speed(fit),
+    }
+
+
+def _critical_speed(fit: FitResult) -> float | None:
+    return handling(fit).get("critical_speed") if has_handling(fit.structure) else None
+
+
+def _verification(practice: Practice, model: str, check: str) -> dict[str, Any]:
+    v = practice.check(model, check)
+    channels = {o.channel: {"j_rms": o.j_rms, "tic": o.tic, "unit": o.unit} for o in v.overlays}
+    return {"speed_m_s": v.speed, "j_rms": v.j_rms, "tic": v.tic, "channels": channels}
 
 
 @dataclass(frozen=True)

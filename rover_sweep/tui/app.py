@@ -10,7 +10,7 @@ import contextlib
 import os
 import signal
 import sys
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from functools import partial
 from typing import ClassVar
@@ -18,29 +18,66 @@ from typing import ClassVar
 from textual.actions import ActionParseResult
 from textual.actions import parse as parse_action
 from textual.binding import Binding
+from textual.command import DiscoveryHit, Hit, Hits, Provider
 from textual.dom import DOMNode
 from textual.theme import Theme
 
 from rover_sweep.errors import UsageError
-from rover_sweep.files.orphans import end_with_parent
+from rover_sweep.files.replaced import end_with_parent
 from rover_sweep.live.source import Play, Played, Source
-from rover_sweep.tui.drawn.palette import DARK, LIGHT, Palette
+from rover_sweep.tui.drawn import DARK, LIGHT, Palette
 from rover_sweep.tui.model.setup import Memory, Setup, remember
 from rover_sweep.tui.model.state import AbortAsked, reduce
 from rover_sweep.tui.screens import frame
-from rover_sweep.tui.screens.connect import ConnectScreen
-from rover_sweep.tui.screens.edit import EditRow
-from rover_sweep.tui.screens.keys_help import KeysHelp
-from rover_sweep.tui.screens.log import LogScreen
-from rover_sweep.tui.screens.plan import PlanScreen
-from rover_sweep.tui.screens.preflight import PreflightScreen
+from rover_sweep.tui.screens.edit import ConnectScreen, EditRow, LogScreen
+from rover_sweep.tui.screens.frame import KeysHelp, SessionScreen
+from rover_sweep.tui.screens.plan import PlanScreen, PreflightScreen
 from rover_sweep.tui.screens.results import ResultsScreen
-from rover_sweep.tui.screens.run import RunScreen
-from rover_sweep.tui.screens.session_screen import SessionScreen
-from rover_sweep.tui.screens.verdict import VerdictScreen
+from rover_sweep.tui.screens.run import RunScreen, VerdictScreen
 from rover_sweep.tui.session_app import SessionApp
-from rover_sweep.tui.session_commands import SessionCommands
 from rover_sweep.vehicle.events import Notice
+
+# The command palette: every key of the view on top, found by what it does.
+
+
+DRIVES = "go"
+ARROWS = ("up", "down", "left", "right")
+
+
+class SessionCommands(Provider):
+    """What the keys do, but for driving: a run is started by its own key alone, not by a search."""
+
+    def _commands(self) -> Iterator[tuple[str, str, DOMNode]]:
+        """(words, action, whose action it is) of the active keys."""
+        if not isinstance(self.screen, SessionScreen):
+            return
+        seen: set[str] = set()
+        for active in self.screen.active_bindings.values():
+            binding = active.binding
+            words = binding.description
+            if binding.action.startswith("view("):
+                words = "view " + binding.action.split("'")[1]
+            offered = (
+                binding.show and active.enabled and binding.action != DRIVES and binding.key not in ARROWS
+            )
+            if offered and words not in seen:
+                seen.add(words)
+                key = binding.key if words.startswith("view ") else binding.key_display or binding.key
+                yield f"{words} ({key.upper()})", binding.action, active.node
+
+    async def discover(self) -> Hits:
+        for words, action, node in self._commands():
+            yield DiscoveryHit(words, partial(self._run, action, node))
+
+    async def search(self, query: str) -> Hits:
+        matcher = self.matcher(query)
+        for words, action, node in self._commands():
+            if (score := matcher.match(words)) > 0:
+                yield Hit(score, matcher.highlight(words), partial(self._run, action, node))
+
+    async def _run(self, action: str, node: DOMNode) -> None:
+        await self.app.run_action(action, node)
+
 
 _SCREENS = (ConnectScreen, PreflightScreen, PlanScreen, RunScreen, VerdictScreen, LogScreen, ResultsScreen)
 _SEEK, _SLOWEST, _FASTEST = 10.0, 0.125, 64.0  # s per key; times real time

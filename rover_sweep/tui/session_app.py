@@ -20,15 +20,21 @@ from textual.reactive import reactive
 
 from rover_sweep.live.source import Connect, DriveRequest, Ended, Fix, Preflight, Request, Several, Source
 from rover_sweep.session.session import SessionRun
-from rover_sweep.tui.drawn.palette import DARK, LIGHT, Palette
-from rover_sweep.tui.drawn.question import Question
-from rover_sweep.tui.jobs.analysis import AnalysisJob
-from rover_sweep.tui.jobs.desk import Desk, command_inputs
-from rover_sweep.tui.model.connections import ConnectionChoice, places, with_systems
-from rover_sweep.tui.model.consent import question_before
-from rover_sweep.tui.model.feed import Feed
+from rover_sweep.tui.drawn import DARK, LIGHT, Palette, Question
+from rover_sweep.tui.jobs import AnalysisJob, Desk, command_inputs
 from rover_sweep.tui.model.plan_rows import FIRST, SPEED, Row, with_names
-from rover_sweep.tui.model.setup import Setup, recall, remember, serial_ports, with_url
+from rover_sweep.tui.model.setup import (
+    ConnectionChoice,
+    Feed,
+    Setup,
+    places,
+    question_before,
+    recall,
+    remember,
+    serial_ports,
+    with_systems,
+    with_url,
+)
 from rover_sweep.tui.model.state import Asked, RunRecord, State, reduce
 from rover_sweep.vehicle import events as e
 

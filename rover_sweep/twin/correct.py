@@ -11,8 +11,7 @@ from dataclasses import dataclass, replace
 from math import inf, isfinite, sqrt
 from typing import Any
 
-from rover_sweep.comparison.answer import Comparison, Difference, Kind
-from rover_sweep.comparison.corrected import Correction
+from rover_sweep.comparison.answer import Comparison, Correction, Difference, Kind
 from rover_sweep.diagnosis.effects import library
 from rover_sweep.diagnosis.result import EffectValue
 from rover_sweep.diagnosis.simulation.augmented import AugmentedModel

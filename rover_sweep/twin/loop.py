@@ -3,23 +3,181 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, fields, replace
 from math import sqrt
+from pathlib import Path
+from typing import Any
 
-from rover_sweep.comparison.answer import Comparison
+from rover_sweep.comparison.answer import Comparison, Correction, Twin, TwinDrive
 from rover_sweep.comparison.compare import Compared
-from rover_sweep.comparison.corrected import Correction, Twin, TwinDrive
-from rover_sweep.comparison.pictured import bode, driven_again, histories_of
+from rover_sweep.comparison.direct import bode, driven_again, histories_of
 from rover_sweep.data.recording import Recording
+from rover_sweep.data.vehicle_file import Vehicle
 from rover_sweep.diagnosis.effects import form_named, library
-from rover_sweep.diagnosis.effects.kinds import SpeedEffect
+from rover_sweep.diagnosis.effects.effect import SpeedEffect
 from rover_sweep.diagnosis.simulation.augmented import AugmentedModel
-from rover_sweep.errors import RoverSweepError
+from rover_sweep.errors import RoverSweepError, UsageError
+from rover_sweep.logs.read import read_logs, runs_of
+from rover_sweep.logs.readers.csv_table import screened
+from rover_sweep.redrive.recorded_course import (
+    as_measured,
+    as_measured_size,
+    course_of,
+    grown,
+    on_the_clock,
+    refuse_instant,
+)
 from rover_sweep.twin.correct import NOT_IN_THE_PLANT, Corrected, corrected, halved
-from rover_sweep.twin.simulated_drives import MEASURED
 from sitl.plant.effects_table import FORMS
-from sitl.plant.variant import PlantParameters
+from sitl.plant.variant import PlantParameters, load_variant
+from sitl.plant.variant_text import law_text, value_text
+from sitl.redrive.course import Course
+from sitl.redrive.open_loop import redrive
+
+# Drives a simulated rover with the steering and speed of recordings, and records it.
+
+
+MEASURED = "measured, in the vehicle file"
+GROWN = "of the nominal rover, scaled by the mass and size of the vehicle file"
+LONG_AGO = 60.0  # s
+
+Columns = Mapping[str, Any] | str | None
+
+
+def with_measured(rover: PlantParameters, vehicle: Vehicle) -> tuple[PlantParameters, tuple[Correction, ...]]:
+    """(the rover with the numbers of a vehicle file, what that changed); the rest grows with its size."""
+    scaled = grown(rover, as_measured_size(rover, vehicle))
+    new = as_measured(scaled, vehicle)
+    changed = [f.name for f in fields(new) if getattr(rover, f.name) != getattr(new, f.name)]
+    return new, tuple(_entry(name, rover, scaled, new, vehicle) for name in changed)
+
+
+def _entry(
+    name: str, rover: PlantParameters, scaled: PlantParameters, new: PlantParameters, vehicle: Vehicle
+) -> Correction:
+    before, after = _text(getattr(rover, name)), _text(getattr(new, name))
+    in_file = getattr(vehicle, name, None) is not None or getattr(scaled, name) != getattr(new, name)
+    return Correction(name, before, after, after if in_file else "", MEASURED if in_file else GROWN)
+
+
+def _text(value: object) -> str:
+    if isinstance(value, tuple):
+        return "[" + ", ".join(_text(part) for part in value) + "]"
+    return f"{value:.4g}" if isinstance(value, float) else str(value)
+
+
+@dataclass(frozen=True, eq=False)
+class RecordedDrive:
+    """One log to repeat. name: of its source; runs: found in it."""
+
+    name: str
+    course: Course
+    runs: tuple[Recording, ...]
+
+
+def recorded_drives(sources: Sequence[str], columns: Columns = None) -> tuple[RecordedDrive, ...]:
+    """The drives in all logs. columns: the map of a .csv.
+
+    UsageError where a source is no log, DataRefused where one has no steering output, gyro or speed.
+    """
+    for source in sources:
+        if Path(source).is_dir():
+            raise UsageError(
+                f"{source} is a folder; give the .BIN or .tlog in it whose drive is to be repeated"
+            )
+    logs = [(source, log) for source in sources for log in read_logs(source, column_map=columns)]
+    return tuple(RecordedDrive(Path(s).name, course_of(screened(log)), runs_of(log)) for s, log in logs)
+
+
+def simulated_drives(
+    drives: Sequence[RecordedDrive],
+    rover: PlantParameters,
+    folder: Path,
+    simulator: str = "plant",
+    ardurover: Path | None = None,
+    seed: int = 1,
+    say: Say = lambda words: None,
+) -> tuple[str, ...]:
+    """Paths of the recordings of a rover that repeats each drive, on the clock of its log.
+
+    simulator: "plant", "embedded" or "ardurover". UsageError where the rover overturns, LinkError where the
+    simulated rover does not drive it.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    if simulator == "plant":
+        return tuple(_by_plant(drives, rover, folder, seed))
+    from rover_sweep.redrive.on_autopilot import drive_course
+
+    refuse_instant(rover, simulator)
+    targets = []
+    for k, drive in enumerate(drives):
+        targets.append(folder / f"sim{k + 1}.BIN")
+        for words in drive_course(drive.course, rover, targets[k], simulator, ardurover, seed + k):
+            say(f"{drive.name}: {words}")
+    return tuple(map(str, targets))
+
+
+def _by_plant(
+    drives: Sequence[RecordedDrive], rover: PlantParameters, folder: Path, seed: int
+) -> Iterator[str]:
+    changed = False  # the ground, in a drive before
+    for k, drive in enumerate(drives):
+        target = folder / f"sim{k + 1}.BIN"
+        here = on_the_clock(rover, drive.runs)
+        here = _changed_before(rover, float(drive.course.t[0])) if changed else here
+        changed |= rover.effects.get("surface_change", {}).get("run") in [run.name for run in drive.runs]
+        try:
+            redrive(drive.course, here, target, seed + k)
+        except ValueError as error:  # the rover overturns
+            raise UsageError(str(error)) from error
+        yield str(target)
+
+
+def _changed_before(rover: PlantParameters, start: float) -> PlantParameters:
+    """The rover on ground that changed in a log before this one; start: of this one's course [s]."""
+    change = {**rover.effects["surface_change"], "t": start - LONG_AGO}
+    return replace(rover, effects={**rover.effects, "surface_change": change})
+
+
+# The corrected rover as a variant file: every line with its reason.
+
+
+TABLES = ("effects", "laws")
+
+
+def variant_with_reasons(rover: PlantParameters, corrections: Sequence[Correction], origin: str) -> str:
+    """The variant as TOML text. origin: what the rover was before the corrections, in words."""
+    nominal = load_variant("nominal")
+    reasons = {c.entry: c for c in corrections}
+    lines = [
+        f"# The simulated rover {origin}, corrected by rover-sweep until it agreed with recordings.",
+        "# Numbers that are not here are those of the nominal rover.",
+        'base = "nominal"',
+        "",
+    ]
+    for f in fields(rover):
+        value = getattr(rover, f.name)
+        if f.name not in TABLES and value != getattr(nominal, f.name):
+            lines += [*_variant_reason(reasons.get(f.name)), f"{f.name} = {value_text(_rounded(value))}"]
+    lines += ["", "[effects]"]
+    for name, entry in rover.effects.items():
+        values = ", ".join(f"{p} = {value_text(_rounded(v))}" for p, v in entry.items())
+        lines += [*_variant_reason(reasons.get(f"effects.{name}")), f"{name} = {{ {values} }}"]
+    return "\n".join([*lines, "", *(law_text(law) for law in rover.laws)])
+
+
+def _variant_reason(c: Correction | None) -> list[str]:
+    if c is None:
+        return []
+    return [f"# was {c.before or 'not there'}: {' '.join(c.reason.split())}"]
+
+
+def _rounded(value: object) -> object:
+    if isinstance(value, tuple):
+        return tuple(_rounded(part) for part in value)
+    return float(f"{value:.7g}") if isinstance(value, float) else value
+
 
 MOST_DRIVES = 5
 MOST_IN_VAIN = 2  # drives in a row that do not help: with a correction, and with half of it

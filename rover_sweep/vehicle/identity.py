@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 from firmware_params.applet_parameters import PARAMETERS
 from rover_sweep.errors import LinkError
-from rover_sweep.files.printable import printable
+from rover_sweep.files.documents import printable
 from rover_sweep.vehicle.link.link import Link
 from rover_sweep.vehicle.link.mavlink import Message, constant, vehicle_type_name
-from rover_sweep.vehicle.parameters.read_write import ParameterMissing, read_parameter, read_present
+from rover_sweep.vehicle.parameters import ParameterMissing, read_parameter, read_present
 
 OLDEST = (4, 5)  # the applet is written for ArduRover 4.5 and 4.6
 NEWEST = (4, 6)
@@ -111,3 +111,44 @@ def _version(packed: int) -> tuple[int, int, int]:
 
 def _hash(answer: Message) -> str:
     return printable(bytes(answer.flight_custom_version).rstrip(b"\0").decode("ascii", "replace"))
+
+
+# Names of ArduRover's modes (Rover/mode.h, Mode::Number, 4.5 and 4.6).
+
+
+MODES = {
+    0: "MANUAL",
+    1: "ACRO",
+    3: "STEERING",
+    4: "HOLD",
+    5: "LOITER",
+    6: "FOLLOW",
+    7: "SIMPLE",
+    8: "DOCK",
+    9: "CIRCLE",
+    10: "AUTO",
+    11: "RTL",
+    12: "SMART_RTL",
+    15: "GUIDED",
+    16: "INITIALISING",
+}
+
+
+def mode_name(mode: int) -> str:
+    """Rover's custom_mode as a word (Rover/mode.h, 4.6.3)."""
+    return MODES.get(mode, f"mode {mode}")
+
+
+# Whether the EKF estimates velocity and position (EKF_STATUS_REPORT).
+
+
+def has_position(flags: int) -> bool:
+    """Whether horizontal velocity and absolute position are estimated. flags: EKF_STATUS_FLAGS."""
+    wanted = constant("EKF_VELOCITY_HORIZ") | constant("EKF_POS_HORIZ_ABS")
+    return flags & wanted == wanted and not flags & constant("EKF_CONST_POS_MODE")
+
+
+def estimator_ready(link: Link) -> bool:
+    """Ask the vehicle; False also if it does not answer."""
+    report = link.request_message("EKF_STATUS_REPORT")
+    return report is not None and has_position(int(report.flags))

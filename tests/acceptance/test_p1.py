@@ -14,9 +14,8 @@ import pytest
 from scipy.io import loadmat
 
 from rover_sweep.data.recording import Recording, Signal
-from rover_sweep.identification.cost import Condition, costs, sampled
-from rover_sweep.identification.fit import FitResult, accuracy, evaluated, fit
-from rover_sweep.identification.structure.state_space import Matrices, ModelStructure, Parameter
+from rover_sweep.identification.fit import Condition, FitResult, accuracy, costs, evaluated, fit, sampled
+from rover_sweep.identification.state_space import Matrices, ModelStructure, Parameter
 from rover_sweep.identification.verify import RATE, UNITS, Overlay, Verification, simulated_outputs, verify
 from rover_sweep.spectra.response import frequency_responses
 

@@ -11,10 +11,9 @@ import numpy as np
 import pytest
 
 from rover_sweep.data.recording import Recording, Signal
-from rover_sweep.identification.cost import Condition, sampled
-from rover_sweep.identification.fit import fit
-from rover_sweep.identification.reduction import reduce_model
-from rover_sweep.identification.structure.state_space import Matrices, ModelStructure, Parameter
+from rover_sweep.identification.fit import Condition, fit, sampled
+from rover_sweep.identification.state_space import Matrices, ModelStructure, Parameter
+from rover_sweep.identification.verdicts import reduce_model
 from rover_sweep.spectra.response import FrequencyResponse, default_windows, frequency_responses
 
 BAND, FREQUENCIES = (1.0, 30.0), 8762

@@ -13,9 +13,8 @@ import rover_sweep as rs
 from rover_sweep.data.geometry import Geometry
 from rover_sweep.data.recording import LowPass
 from rover_sweep.identification.conversion import pade_delay
-from rover_sweep.identification.models.bicycle import bicycle
-from rover_sweep.identification.models.roll_yaw import roll_yaw
-from rover_sweep.identification.structure.state_space import ModelStructure
+from rover_sweep.identification.models import bicycle, roll_yaw
+from rover_sweep.identification.state_space import ModelStructure
 from rover_sweep.spectra.response import FrequencyResponse
 
 GEOMETRY = Geometry(mass=2.66, a=0.203, b=0.188, sprung_mass=2.40, h=0.058, roll_inertia=0.0125, imu_x=0.03)

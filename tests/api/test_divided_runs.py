@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rover_sweep.api.diagnosis_input import material
-from rover_sweep.api.run_roles import divided
+from rover_sweep.api.read import divided
 from rover_sweep.data.recording import Kind, Recording, Signal
 from rover_sweep.errors import DataRefused
 

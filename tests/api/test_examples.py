@@ -14,8 +14,8 @@ import pytest
 
 import rover_sweep as rs
 from rover_sweep.api.read import Runs
-from rover_sweep.data.by_name import ByName
 from rover_sweep.data.recording import Recording
+from rover_sweep.data.results import ByName
 from rover_sweep.identification.model_results import ModelResult
 from rover_sweep.identification.verify import Verification
 from rover_sweep.quality.coherence import CoherenceTable

@@ -95,7 +95,7 @@ def test_every_public_name_is_there_and_described() -> None:
 
 
 def test_the_package_of_the_core_is_still_a_package() -> None:
-    import rover_sweep.identification.cost as cost
+    import rover_sweep.identification.fit as cost
 
     assert cost.POINTS == 20
     assert callable(rs.identify)
@@ -193,7 +193,7 @@ def test_saving_and_loading_loses_nothing(result: Any, tmp_path: Path) -> None:
 
 def test_a_users_own_structure_is_saved_as_its_text() -> None:
     from rover_sweep.api.save import dumps, loads
-    from rover_sweep.identification.structure.toml_form import structure_from_text
+    from rover_sweep.identification.toml_form import structure_from_text
 
     text = sorted((ROOT / "tests/data/structures").glob("*.toml"))[0].read_text()
     structure = structure_from_text(text)
@@ -218,9 +218,9 @@ def test_another_version_of_the_file_is_told(result: Any, tmp_path: Path) -> Non
 
 def test_a_file_cannot_call_what_it_likes(tmp_path: Path) -> None:
     path = tmp_path / "evil.json"
-    for evil in ("os:system", "rover_sweep.cli.main:run", "rover_sweep.api.save:loads"):
+    for evil in ("os:system", "rover_sweep.cli.main:run", "loads", "Path"):
         for thing in ({"is": evil, "of": {}}, {"is": "function", "of": evil}):
-            content = {"format": "rover-sweep result", "format_version": 1, "result": thing, "arrays": {}}
+            content = {"format": "rover-sweep result", "format_version": 2, "result": thing, "arrays": {}}
             path.write_text(json.dumps(content))
             with pytest.raises(rs.UsageError, match="identify again"):
                 rs.load_result(path)

@@ -13,8 +13,7 @@ from rich.console import Console
 import rover_sweep as rs
 from rover_sweep.identification.handling import UNITS
 from rover_sweep.report.identification.comparison import numbers_table
-from rover_sweep.report.identification.handling_table import handling_sentence
-from rover_sweep.report.identification.terminal import short_answer
+from rover_sweep.report.identification.terminal import handling_sentence, short_answer
 
 DATA = Path(__file__).parents[1] / "data"
 NOMINAL = DATA / "ardurover-4.6.3" / "nominal"

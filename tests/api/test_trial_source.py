@@ -79,12 +79,12 @@ def test_the_command_holds_a_trial_out(
     command: str, option: str, trials: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     seen = {}
-    where = "rover_sweep.cli.driving.show_" + {"identify": "identified", "diagnose": "diagnosed"}[command]
+    shown = "show_" + {"identify": "identified", "diagnose": "diagnosed"}[command]
 
     def keep(*given: object, **options: object) -> None:
         seen["given"] = given
 
-    monkeypatch.setattr(f"{where}.{where.rpartition('.')[2]}", keep)
+    monkeypatch.setattr(f"rover_sweep.cli.driving.shown_results.{shown}", keep)
     common = ["--columns", str(tmp_path / "columns.toml"), "--vehicle", str(tmp_path / "rover.toml")]
     assert run([command, trials, option, f"{trials}:2", *common, "--out", str(tmp_path / "out")]) == 0
     fitted, kept = (

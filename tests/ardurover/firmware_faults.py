@@ -24,9 +24,8 @@ from rover_sweep.manoeuvre.sweep import Sweep
 from rover_sweep.session.session import await_estimator, start_streams
 from rover_sweep.vehicle.events import Event, Notice, RunFinished
 from rover_sweep.vehicle.link.link import Link
-from rover_sweep.vehicle.run.controls import pump
+from rover_sweep.vehicle.run.controls import RunSettings, pump
 from rover_sweep.vehicle.run.one_run import one_run
-from rover_sweep.vehicle.run.settings import RunSettings
 from sitl.launcher import start_ardurover
 from sitl.transmitter import Transmitter
 

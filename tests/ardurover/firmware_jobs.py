@@ -17,7 +17,7 @@ from typing import Any
 
 from firmware_params.applet_parameters import applet_path
 from firmware_params.param_files import read, shipped
-from rover_sweep.cli.driving.simulated_vehicle import firmware_rover_text, rover_text
+from rover_sweep.cli.driving.simulated import firmware_rover_text, rover_text
 from rover_sweep.manoeuvre.sweep import Doublet, Sweep
 from rover_sweep.session.content import SessionRun
 from rover_sweep.session.session import SessionPlan, drive
@@ -32,8 +32,7 @@ from rover_sweep.vehicle.events import (
     SessionFinished,
 )
 from rover_sweep.vehicle.link.recorded_transport import RecordedLine, conversation_in
-from rover_sweep.vehicle.run.controls import Trigger
-from rover_sweep.vehicle.run.settings import RunSettings
+from rover_sweep.vehicle.run.controls import RunSettings, Trigger
 
 RUNS = (
     SessionRun("sweep1", Sweep(amplitude=150, w_min=1, w_max=20, t_rec=20)),

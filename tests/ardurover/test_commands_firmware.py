@@ -12,8 +12,7 @@ import pytest
 
 from rover_sweep.cli import main
 from rover_sweep.vehicle.link.link import Link
-from rover_sweep.vehicle.parameters.read_param_file import written_by_vehicle
-from rover_sweep.vehicle.parameters.read_write import write_parameter
+from rover_sweep.vehicle.parameters import write_parameter, written_by_vehicle
 from rover_sweep.vehicle.run.controls import pump
 from sitl.launcher import Running, start_ardurover
 

@@ -13,10 +13,9 @@ from pathlib import Path
 import pytest
 from firmware_faults import Rig, booted
 
-from rover_sweep.manoeuvre.applet_values import parameters_of
-from rover_sweep.manoeuvre.sweep import Doublet
+from rover_sweep.manoeuvre.sweep import Doublet, parameters_of
 from rover_sweep.vehicle.link.link import Link
-from rover_sweep.vehicle.parameters.read_write import read_parameter, write_parameter
+from rover_sweep.vehicle.parameters import read_parameter, write_parameter
 from rover_sweep.vehicle.run.controls import HIGH, LOW, pump
 
 pytestmark = pytest.mark.ardurover

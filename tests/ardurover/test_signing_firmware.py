@@ -10,10 +10,10 @@ import pytest
 
 from rover_sweep.errors import LinkError
 from rover_sweep.vehicle.identity import identify_vehicle
-from rover_sweep.vehicle.link.access import Access
+from rover_sweep.vehicle.link.connection import Access
 from rover_sweep.vehicle.link.link import Link
-from rover_sweep.vehicle.link.signing import SigningKey, timestamp
-from rover_sweep.vehicle.parameters.read_write import read_parameter
+from rover_sweep.vehicle.link.mavlink import SigningKey, timestamp
+from rover_sweep.vehicle.parameters import read_parameter
 from sitl.launcher import start_ardurover
 
 pytestmark = pytest.mark.ardurover

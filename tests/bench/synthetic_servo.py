@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from rover_sweep.bench.by_hand import Readings
-from rover_sweep.bench.programme import Movement, path, ramp, staircase, steps
-from rover_sweep.bench.wheel_problem import Command, Wheel
+from rover_sweep.bench.by_wheel import Command, Wheel
+from rover_sweep.bench.drive import Movement, path, ramp, staircase, steps
+from rover_sweep.bench.evaluate import Readings
 from sitl.plant.effects.steering_effects import Linkage
 from sitl.plant.servo import Servo
 from sitl.plant.variant import PlantParameters, load_variant

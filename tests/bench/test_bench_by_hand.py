@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from synthetic_servo import read_by_hand, rover, slope_by_hand
 
-from rover_sweep.bench.by_hand import Readings, by_hand
+from rover_sweep.bench.evaluate import Readings, by_hand
 from rover_sweep.errors import DataRefused
 
 DRAWS = 200

@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 from synthetic_servo import rover, seen_by_imu
 
-from rover_sweep.bench.bench_result import BenchResult
-from rover_sweep.bench.by_wheel import by_wheel
-from rover_sweep.bench.wheel_problem import Wheel
+from rover_sweep.bench.bench_folder import BenchResult
+from rover_sweep.bench.by_wheel import Wheel, by_wheel
 from rover_sweep.errors import DataRefused
 
 LEVELS = (120.0, 250.0)

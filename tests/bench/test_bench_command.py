@@ -11,16 +11,15 @@ from pathlib import Path
 import pytest
 
 from rover_sweep.bench.bench_folder import BenchFolder
-from rover_sweep.bench.drive import BenchPlan, Keep, drive_bench
-from rover_sweep.bench.programme import Movement, programme
-from rover_sweep.bench.standstill import NotAtStandstill
+from rover_sweep.bench.drive import BenchPlan, Keep, Movement, drive_bench, programme
+from rover_sweep.bench.evaluate import NotAtStandstill
 from rover_sweep.cli.main import run
 from rover_sweep.data.vehicle_file import load
 from rover_sweep.errors import UsageError
 from rover_sweep.logs.readers.tlog import open_tlog
-from rover_sweep.vehicle.link.access import Access
+from rover_sweep.vehicle.link.connection import Access
 from rover_sweep.vehicle.link.link import Link
-from rover_sweep.vehicle.parameters.read_write import write_parameter
+from rover_sweep.vehicle.parameters import write_parameter
 from sitl.plant.effects.steering_effects import Linkage
 
 OnBlocks = Callable[..., str]

@@ -9,10 +9,15 @@ import numpy as np
 import pytest
 from synthetic_servo import read_by_hand, rover
 
-from rover_sweep.bench.bench_result import BenchResult, interval, rate_limit
-from rover_sweep.bench.by_hand import by_hand
-from rover_sweep.bench.into_file import numbers_for_file, write_bench_numbers
-from rover_sweep.bench.linkage import curve
+from rover_sweep.bench.bench_folder import (
+    BenchResult,
+    interval,
+    numbers_for_file,
+    rate_limit,
+    write_bench_numbers,
+)
+from rover_sweep.bench.evaluate import by_hand
+from rover_sweep.bench.static_curve import curve
 from rover_sweep.data.vehicle_file import load
 from sitl.plant.effects.steering_effects import Linkage
 

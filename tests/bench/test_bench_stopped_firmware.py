@@ -16,7 +16,7 @@ from firmware_params.param_files import shipped
 from rover_sweep.vehicle.link.link import Link
 from rover_sweep.vehicle.link.mavlink import kind
 from rover_sweep.vehicle.link.streams import request_all
-from rover_sweep.vehicle.parameters.read_write import read_present
+from rover_sweep.vehicle.parameters import read_present
 from sitl.launcher import LaunchError, find_ardurover, start_ardurover
 from sitl.transmitter import Transmitter
 

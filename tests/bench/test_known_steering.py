@@ -13,20 +13,18 @@ from synthetic_servo import VARIANT
 
 import rover_sweep as rs
 from rover_sweep.api.diagnosis_input import diagnosed, material
+from rover_sweep.api.investigation import plan_runs
 from rover_sweep.api.known_steering import FINE, behind_servo, has_linkage, known, through_linkage
-from rover_sweep.api.plan import plan_runs
 from rover_sweep.cli.main import run
+from rover_sweep.data.geometry import Tolerances
 from rover_sweep.data.recording import Signal
-from rover_sweep.data.tolerances import Tolerances
 from rover_sweep.data.vehicle_file import Measured, load
 from rover_sweep.data.vehicle_geometry import tolerances_of
 from rover_sweep.diagnosis.effects import library
-from rover_sweep.diagnosis.plans.plan_result import PlannedRun
-from rover_sweep.diagnosis.plans.planner import Planner
-from rover_sweep.diagnosis.settings import DiagnosisSettings
+from rover_sweep.diagnosis.plans.planner import PlannedRun, Planner
+from rover_sweep.diagnosis.result import DiagnosisSettings
 from rover_sweep.logs.read import read_logs, read_runs
-from rover_sweep.redrive.recorded_course import course_of
-from rover_sweep.redrive.vehicle_variant import on_the_clock
+from rover_sweep.redrive.recorded_course import course_of, on_the_clock
 from rover_sweep.report.identification.identification_json import identification_document
 from sitl.plant.servo import Servo
 from sitl.plant.variant import load_variant

@@ -32,11 +32,10 @@ from synthetic import GEOMETRY, TRUE, driven
 
 sys.path.pop()  # this folder, whose coverage.py numba would take for another one
 
-from rover_sweep.identification.cost import Condition
-from rover_sweep.identification.fit import fit
+from rover_sweep.identification.fit import Condition, fit
 from rover_sweep.identification.grouping import Group
-from rover_sweep.identification.models.roll_yaw import roll_yaw
-from rover_sweep.live.verdict.run_verdict import judge
+from rover_sweep.identification.models import roll_yaw
+from rover_sweep.live.verdict import judge
 from rover_sweep.logs.readers.dataflash import open_parts
 from rover_sweep.logs.readers.tlog import open_tlog
 from rover_sweep.logs.readers.tlog_channels import WANTED

@@ -27,9 +27,9 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "bench"))
 import numpy as np
 from synthetic_servo import read_by_hand, rover, seen_by_imu, slope_by_hand
 
-from rover_sweep.bench.bench_result import BenchResult
-from rover_sweep.bench.by_hand import by_hand
+from rover_sweep.bench.bench_folder import BenchResult
 from rover_sweep.bench.by_wheel import by_wheel
+from rover_sweep.bench.evaluate import by_hand
 from sitl.plant.variant import PlantParameters
 
 BY_HAND, BY_WHEEL = (50.0, 100.0, 200.0, 300.0), (100.0, 250.0)  # us

@@ -27,11 +27,9 @@ sys.path.insert(0, str(Path(__file__).parents[2]))
 import numpy as np
 
 from firmware_params.param_files import shipped
-from rover_sweep.bench.bench_folder import BenchFolder
-from rover_sweep.bench.bench_result import BenchResult
-from rover_sweep.bench.drive import BenchPlan, Keep, WheelSource, drive_bench
+from rover_sweep.bench.bench_folder import BenchFolder, BenchResult
+from rover_sweep.bench.drive import BenchPlan, Keep, Movement, WheelSource, drive_bench, programme
 from rover_sweep.bench.evaluate import evaluate
-from rover_sweep.bench.programme import Movement, programme
 from rover_sweep.data.vehicle_file import load
 from sitl.launcher import Running, find_ardurover, start_ardurover
 from sitl.plant.variant import PlantParameters, load_variant

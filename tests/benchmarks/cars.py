@@ -14,7 +14,7 @@ import time
 from pathlib import Path
 
 import rover_sweep as rs
-from rover_sweep.data.result_table import ShortTable, band_words, plain_number
+from rover_sweep.data.results import ShortTable, band_words, plain_number
 
 MAPS = Path(__file__).parents[1] / "data" / "cars"
 DEFAULT = Path(__file__).parents[3] / "shared" / "recordings"

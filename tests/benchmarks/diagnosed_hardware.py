@@ -23,7 +23,7 @@ from pathlib import Path
 import numpy as np
 
 import rover_sweep as rs
-from rover_sweep.data.result_table import ShortTable, plain_number
+from rover_sweep.data.results import ShortTable, plain_number
 
 TESTS = Path(__file__).parents[1]
 MAPS = TESTS / "data" / "cars"
@@ -93,7 +93,7 @@ def row(name: str, found: rs.FullDiagnosis) -> tuple[str, ...]:
 
 def a_y_of(found: rs.FullDiagnosis, sweep: rs.Runs, fresh: rs.Runs) -> str:
     """What the accelerometer's place is worth in J of a_y, all else kept, and in the fresh file."""
-    from rover_sweep.diagnosis.held_out.worth import frequency_responses_of, response_costs
+    from rover_sweep.diagnosis.held_out import frequency_responses_of, response_costs
     from rover_sweep.diagnosis.problem.residuals import centred
     from rover_sweep.diagnosis.simulation.experiment import experiment
 

@@ -23,7 +23,7 @@ from typing import Any
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from rover_sweep.errors import LinkError
-from rover_sweep.live.telemetry import Telemetry
+from rover_sweep.live.source import Telemetry
 from rover_sweep.tui.model.state import State, reduce
 from rover_sweep.vehicle.events import Said
 from rover_sweep.vehicle.link.link import Link

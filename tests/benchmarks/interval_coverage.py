@@ -20,10 +20,10 @@ from pathlib import Path
 import numpy as np
 
 import rover_sweep as rs
-from rover_sweep.identification.bootstrap.bootstrap import Bootstrap
+from rover_sweep.identification.bootstrap import Bootstrap
 from rover_sweep.identification.fit import FitResult
 from rover_sweep.identification.handling import Handling, handling
-from rover_sweep.identification.models.roll_yaw import roll_yaw
+from rover_sweep.identification.models import roll_yaw
 from rover_sweep.identification.pipeline import Identification
 from sitl.plant.variant import PlantParameters, load_variant
 from tests.comparison.pairs import drawn, drive, vehicle_file

@@ -23,14 +23,13 @@ from pathlib import Path
 import numpy as np
 
 from rover_sweep.api.investigation import Bounds, RunDriver, investigation
-from rover_sweep.cli.driving.investigate_simulated import simulated_driver
+from rover_sweep.cli.driving.investigating import simulated_driver
 from rover_sweep.data.recording import Recording
 from rover_sweep.data.vehicle_file import Vehicle, load
-from rover_sweep.diagnosis.plans.plan_result import PlannedRun
-from rover_sweep.diagnosis.plans.proposals import manoeuvre_for
+from rover_sweep.diagnosis.plans.planner import PlannedRun, manoeuvre_for
 from rover_sweep.diagnosis.result import Diagnosis
 from rover_sweep.session.simulated_rover import SimulatedRover
-from rover_sweep.study.virtual_drive import Firmware, virtual_drive
+from rover_sweep.study.published import Firmware, virtual_drive
 from sitl.plant.variant import PlantParameters, load_variant
 from sitl.plant.variant_text import variant_text
 from sitl.rover_file import rover_file

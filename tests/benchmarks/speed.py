@@ -28,13 +28,10 @@ from synthetic import GEOMETRY, TRUE, driven
 
 from rover_sweep.data.geometry import Geometry
 from rover_sweep.data.recording import Recording
-from rover_sweep.identification.cost import Condition, residuals
-from rover_sweep.identification.fit import fit
+from rover_sweep.identification.fit import Condition, fit, residuals
 from rover_sweep.identification.grouping import Group
-from rover_sweep.identification.models.bicycle import bicycle
-from rover_sweep.identification.models.lumped import lumped
-from rover_sweep.identification.models.roll_yaw import roll_yaw
-from rover_sweep.identification.structure.state_space import ModelStructure
+from rover_sweep.identification.models import bicycle, lumped, roll_yaw
+from rover_sweep.identification.state_space import ModelStructure
 from rover_sweep.manoeuvre.sweep import Sweep
 from rover_sweep.quality.coherence import responses
 

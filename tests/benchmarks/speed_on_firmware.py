@@ -35,15 +35,21 @@ sys.path.remove(str(Path(__file__).parent))  # its coverage.py hides the library
 
 from firmware_params.param_files import shipped
 from rover_sweep.api.speed import speed_gains, throttle_sweeps, write_speed
-from rover_sweep.gains.speed_chain import SPEED_DEFAULTS, SpeedSettings
+from rover_sweep.gains.speed_chain import (
+    BEFORE,
+    SPEED_DEFAULTS,
+    SpeedSettings,
+    SpeedStep,
+    speed_step_metrics,
+    step_ends,
+    step_of_speed,
+)
 from rover_sweep.gains.speed_proposal import SpeedProposal
-from rover_sweep.gains.speed_tuning import BEFORE, SpeedStep, speed_step_metrics, step_ends, step_of_speed
-from rover_sweep.identification.speed.identify_speed import identify_speed
+from rover_sweep.identification.identify_speed import identify_speed
 from rover_sweep.logs.readers.dataflash import index
-from rover_sweep.vehicle.link.link import Link
+from rover_sweep.vehicle.link.link import Link, Refused
 from rover_sweep.vehicle.link.mavlink import constant
-from rover_sweep.vehicle.link.requests import Refused
-from rover_sweep.vehicle.parameters.read_write import read_all, write_parameter
+from rover_sweep.vehicle.parameters import read_all, write_parameter
 from rover_sweep.vehicle.run.controls import pump
 from sitl.launcher import find_ardurover, start_ardurover
 

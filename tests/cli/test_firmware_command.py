@@ -9,7 +9,7 @@ from program_calls import RunProgram
 
 from firmware_params.applet_parameters import applet_source
 from firmware_params.param_files import shipped
-from rover_sweep.vehicle.setup import applet_upload as applet_module
+from rover_sweep.vehicle import setup as applet_module
 from sitl import launcher
 
 

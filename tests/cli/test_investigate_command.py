@@ -12,7 +12,7 @@ from program_calls import ROVER, RunProgram
 
 from rover_sweep.api import investigation
 from rover_sweep.cli.views.display import PlainDisplay
-from rover_sweep.diagnosis.plans.plan_result import PlannedRun
+from rover_sweep.diagnosis.plans.planner import PlannedRun
 from rover_sweep.diagnosis.result import Diagnosis
 from rover_sweep.manoeuvre.sweep import Doublet, Manoeuvre, Sweep
 from rover_sweep.session.folder import read_folder
@@ -53,7 +53,7 @@ def short(run: PlannedRun) -> Manoeuvre:
 
 @pytest.fixture(autouse=True)
 def quick(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    monkeypatch.setattr("rover_sweep.diagnosis.plans.proposals.manoeuvre_for", short)
+    monkeypatch.setattr("rover_sweep.diagnosis.plans.planner.manoeuvre_for", short)
     monkeypatch.setattr(
         investigation, "diagnosed", lambda *_: Diagnosis("refused", "made up", "roll-yaw"), raising=True
     )

@@ -6,8 +6,8 @@ from collections.abc import Iterator
 
 import pytest
 
-from rover_sweep.cli.views import long_work as module
-from rover_sweep.cli.views.long_work import left_words, long_work
+from rover_sweep.cli.views import asking as module
+from rover_sweep.cli.views.asking import left_words, long_work
 
 
 def told(

@@ -197,7 +197,7 @@ def test_an_input_is_not_written_over(tmp_path: Path, capsys: pytest.CaptureFixt
 def test_ctrl_c_while_the_report_is_written_loses_no_diagnosis(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    from rover_sweep.report.diagnosis import report_folder
+    from rover_sweep.report.diagnosis import page as report_folder
 
     def interrupted(*given: Any) -> Any:
         os.kill(os.getpid(), signal.SIGINT)
@@ -221,7 +221,7 @@ def test_plain_ascii_terminal() -> None:
 
 
 def test_letters_that_a_terminal_lacks_are_spelt_out() -> None:
-    from rover_sweep.cli.views.plain_ascii import NAME
+    from rover_sweep.cli.views.output import NAME
 
     assert "k_φ 3 … 4 kg m², 車".encode("ascii", NAME) == b"k_phi 3 .. 4 kg m^2, ?"
     assert "τ ±".encode("latin-1", NAME) == b"tau \xb1"

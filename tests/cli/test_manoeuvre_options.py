@@ -5,12 +5,11 @@ from __future__ import annotations
 import click
 import pytest
 
-from rover_sweep.cli.types.manoeuvres import LimitType, ManoeuvreType
+from rover_sweep.cli.vehicle_link import LimitType, ManoeuvreType
 from rover_sweep.errors import UsageError
-from rover_sweep.manoeuvre.applet_values import parameters_of, refuse_undersampled
 from rover_sweep.manoeuvre.multisine import Multisine
-from rover_sweep.manoeuvre.sweep import BiasSweep, Manoeuvre
-from rover_sweep.session.dry_run import DryRun
+from rover_sweep.manoeuvre.sweep import BiasSweep, Manoeuvre, parameters_of, refuse_undersampled
+from rover_sweep.session.simulated_rover import DryRun
 
 
 @pytest.mark.parametrize(

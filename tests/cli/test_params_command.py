@@ -155,7 +155,7 @@ def test_mistakes_are_one_sentence(
 
 
 def test_the_shipped_files_are_read_and_what_a_rover_counts_is_left_out(tmp_path: Path) -> None:
-    from rover_sweep.vehicle.parameters.read_param_file import wanted_of
+    from rover_sweep.vehicle.parameters import wanted_of
 
     assert wanted_of("raw_imu") == read(shipped("raw_imu"))
     own = tmp_path / "own.param"

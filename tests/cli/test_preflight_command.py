@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from program_calls import RunProgram
 
-from rover_sweep.vehicle.preflight.all_checks import NAMES
+from rover_sweep.vehicle.preflight.readiness import NAMES
 from sitl import launcher
 
 

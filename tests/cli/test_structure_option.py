@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from rover_sweep.cli.main import run
-from rover_sweep.identification.structure.toml_form import structure_from_text
+from rover_sweep.identification.toml_form import structure_from_text
 from rover_sweep.report.export.exported_model import at_speed
 
 ROOT = Path(__file__).parents[2]

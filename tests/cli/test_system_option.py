@@ -9,10 +9,10 @@ import pytest
 from program_calls import RunProgram
 from pymavlink.dialects.v20 import ardupilotmega as m
 
+from rover_sweep.cli import vehicle_link as which_vehicle
 from rover_sweep.cli.main import cli
-from rover_sweep.cli.types import which_vehicle
 from rover_sweep.vehicle.link import transport
-from rover_sweep.vehicle.link.access import Heard
+from rover_sweep.vehicle.link.connection import Heard
 from rover_sweep.vehicle.link.transport import Transport
 from sitl.launcher import Running
 

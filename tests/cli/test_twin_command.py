@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import rover_sweep as rs
-from rover_sweep.cli.driving import show_twin
+from rover_sweep.cli.driving import shown_results as show_twin
 from rover_sweep.diagnosis.result import Diagnosis
 from sitl.plant.variant import load_variant
 from tests.comparison.pairs import RECORDED, drive, vehicle_file

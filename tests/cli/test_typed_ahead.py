@@ -12,8 +12,8 @@ from collections.abc import Callable, Iterator
 import pytest
 from rich.console import Console
 
-from rover_sweep.bench.programme import steps
-from rover_sweep.cli.views.bench_prompts import Terminal
+from rover_sweep.bench.drive import steps
+from rover_sweep.cli.views.asking import Terminal
 from rover_sweep.cli.views.display import PlainDisplay
 
 pytest.importorskip("termios")

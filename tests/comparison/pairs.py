@@ -19,8 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from rover_sweep.api.compare import compare, compared
-from rover_sweep.api.diagnose import FullDiagnosis
+from rover_sweep.api.diagnose import FullDiagnosis, compare, compared
 from rover_sweep.api.read import Runs
 from rover_sweep.comparison.answer import Agreement, Comparison
 from rover_sweep.redrive.recorded_course import course_of
@@ -130,7 +129,7 @@ def _changed(rover: PlantParameters, name: str, random: np.random.Generator) -> 
 def drive(rover: PlantParameters, course_from: Sequence[Path], folder: Path, seed: int) -> list[Path]:
     """Recordings of the rover with the steering and speed of others."""
     from rover_sweep.logs.read import read_logs
-    from rover_sweep.logs.readers.implausible import screened
+    from rover_sweep.logs.readers.csv_table import screened
 
     folder.mkdir(parents=True)
     out = []

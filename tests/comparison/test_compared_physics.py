@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import rover_sweep as rs
-from rover_sweep.api.compare import compared
+from rover_sweep.api.diagnose import compared
 from rover_sweep.comparison.common_model import common_model, side_of
 from rover_sweep.diagnosis.posterior.model_fit import fit_with_floor
 from rover_sweep.diagnosis.result import Diagnosis
@@ -16,8 +16,8 @@ from rover_sweep.diagnosis.simulation.augmented import augmented
 from rover_sweep.diagnosis.simulation.candidates import Model
 from rover_sweep.diagnosis.simulation.experiment import experiment
 from rover_sweep.errors import DataRefused, UsageError
-from rover_sweep.report.comparison.report_folder import write_comparison
-from rover_sweep.report.wording.provenance import provenance
+from rover_sweep.report.comparison.page import write_comparison
+from rover_sweep.report.wording import provenance
 from sitl.plant.variant import load_variant
 from tests.comparison.pairs import RECORDED, drive, vehicle_file
 
@@ -41,7 +41,7 @@ def recorded(tmp_path_factory):
 
 def baseline_model(runs):
     """The baseline fitted to the runs, as a diagnosis without findings leaves it."""
-    from rover_sweep.data.tolerances import Tolerances
+    from rover_sweep.data.geometry import Tolerances
     from rover_sweep.data.vehicle_geometry import geometry_of
 
     model = Model("roll-yaw", geometry_of(runs.vehicle), Tolerances())

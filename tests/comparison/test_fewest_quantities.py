@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rover_sweep.comparison.fewest_quantities import PENALTY, Subsets, fewest
+from rover_sweep.comparison.common_model import PENALTY, Subsets, fewest
 
 K = 12
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rover_sweep.comparison.pairing import pairs_by_steering
+from rover_sweep.comparison.direct import pairs_by_steering
 from rover_sweep.diagnosis.simulation.experiment import RATE, Experiment, tapered
 from rover_sweep.errors import DataRefused
 

@@ -9,11 +9,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from rover_sweep.api.plan import as_planned
+from rover_sweep.api.investigation import as_planned
 from rover_sweep.api.read import read
-from rover_sweep.data.tolerances import Tolerances
+from rover_sweep.data.geometry import Tolerances
 from rover_sweep.data.vehicle_geometry import geometry_of
-from rover_sweep.diagnosis.plans.detectable_sizes import detectable
+from rover_sweep.diagnosis.plans.plan import detectable
 from rover_sweep.diagnosis.plans.planner import Planner
 from rover_sweep.diagnosis.simulation.experiment import experiment
 from tests.concealed.effects import ids, table

@@ -8,10 +8,9 @@ from math import log
 
 import numpy as np
 
-from rover_sweep.data.geometry import Geometry
+from rover_sweep.data.geometry import Geometry, Tolerances
 from rover_sweep.data.recording import Array
-from rover_sweep.data.tolerances import Tolerances
-from rover_sweep.diagnosis.locate.locate import mismatches
+from rover_sweep.diagnosis.locate import mismatches
 from rover_sweep.diagnosis.problem.residuals import Problem, problem
 from rover_sweep.diagnosis.result import Mismatch
 from rover_sweep.diagnosis.simulation.candidates import Model

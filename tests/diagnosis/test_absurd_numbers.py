@@ -12,7 +12,7 @@ import rover_sweep as rs
 from rover_sweep.data.plausibility import implausible
 from rover_sweep.data.vehicle_file import Measured, load
 from rover_sweep.data.vehicle_geometry import geometry_of
-from rover_sweep.diagnosis.simulation.nominal import physical_numbers
+from rover_sweep.diagnosis.simulation.candidates import physical_numbers
 
 DATA = Path(__file__).parents[1] / "data"
 

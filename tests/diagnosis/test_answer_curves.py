@@ -11,8 +11,8 @@ from rich.console import Console
 
 import rover_sweep as rs
 from rover_sweep.diagnosis.result import LawCurve
-from rover_sweep.report.diagnosis.terminal import summary
-from rover_sweep.report.pictures.law_curves import law_curves
+from rover_sweep.report.diagnosis.tables import summary
+from rover_sweep.report.pictures.overlay import law_curves
 
 FOLDER = Path(__file__).parents[1] / "data" / "concealed-ardurover" / "f"  # play in the steering
 

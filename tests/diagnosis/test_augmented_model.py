@@ -17,19 +17,17 @@ import rover_sweep as rs
 from rover_sweep.cli.main import run
 from rover_sweep.data.vehicle_geometry import MODEL_NAMES
 from rover_sweep.diagnosis.effects import every_form
-from rover_sweep.diagnosis.linear.linear import left_out, linear
+from rover_sweep.diagnosis.linear import left_out, linear
 from rover_sweep.diagnosis.result import Diagnosis
 from rover_sweep.diagnosis.simulation.augmented import AugmentedModel
 from rover_sweep.diagnosis.simulation.experiment import RATE, experiment
 from rover_sweep.diagnosis.simulation.simulator import Sensors, logged
 from rover_sweep.identification.verify import simulated_outputs as linear_simulation
-from rover_sweep.report.diagnosis.origin import DiagnosisOrigin
-from rover_sweep.report.diagnosis.report_folder import write_diagnosis
+from rover_sweep.report.diagnosis.diagnosis_json import DiagnosisOrigin
+from rover_sweep.report.diagnosis.page import write_diagnosis
 from rover_sweep.report.export.augmented_model_json import augmented_document, augmented_from
-from rover_sweep.report.export.diagnosed import exported_augmented
-from rover_sweep.report.export.exported_model import at_speed
-from rover_sweep.report.export.source_text import matlab_text, python_text
-from rover_sweep.report.wording.strict_json import strict_json
+from rover_sweep.report.export.exported_model import at_speed, exported_augmented, matlab_text, python_text
+from rover_sweep.report.wording import strict_json
 
 DERIVATIVES = {
     "Y_v": -60.0,

@@ -21,8 +21,7 @@ from rover_sweep.diagnosis.effects import every_form, form_named
 from rover_sweep.diagnosis.simulation.augmented import AugmentedModel
 from rover_sweep.diagnosis.simulation.single_track import tyre_force
 from rover_sweep.logs.read import read_logs, read_runs
-from rover_sweep.redrive.recorded_course import course_of
-from rover_sweep.redrive.vehicle_variant import on_the_clock
+from rover_sweep.redrive.recorded_course import course_of, on_the_clock
 from rover_sweep.report.export.plant_variant import not_in_the_plant, variant_text
 from sitl.plant.effects.replaced_numbers import resolved
 from sitl.plant.effects.steering_effects import Linkage

@@ -9,13 +9,12 @@ import pytest
 
 import rover_sweep as rs
 from rover_sweep.api.diagnosis_input import diagnosed, material
-from rover_sweep.data.by_name import ByName
+from rover_sweep.data.results import ByName
 from rover_sweep.data.vehicle_geometry import geometry_of
-from rover_sweep.diagnosis.result import Diagnosis, Finding
-from rover_sweep.diagnosis.settings import DiagnosisSettings
+from rover_sweep.diagnosis.result import Diagnosis, DiagnosisSettings, Finding
 from rover_sweep.errors import UsageError
-from rover_sweep.identification.baseline import determined_model
 from rover_sweep.identification.grouping import Settings, grouped
+from rover_sweep.identification.model_results import determined_model
 
 DATA = Path(__file__).parents[1] / "data"
 FIRMWARE = DATA / "ardurover-4.6.3"

@@ -9,8 +9,8 @@ from augmented_models import model
 
 from rover_sweep.cli.main import run
 from rover_sweep.diagnosis.result import Diagnosis
-from rover_sweep.report.diagnosis.origin import DiagnosisOrigin
-from rover_sweep.report.diagnosis.report_folder import write_diagnosis
+from rover_sweep.report.diagnosis.diagnosis_json import DiagnosisOrigin
+from rover_sweep.report.diagnosis.page import write_diagnosis
 
 DIAGNOSED = ("steering_backlash", "tyre_relaxation")
 

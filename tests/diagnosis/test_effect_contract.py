@@ -5,10 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rover_sweep.data.geometry import Geometry
-from rover_sweep.data.tolerances import Tolerances
+from rover_sweep.data.geometry import Geometry, Tolerances
 from rover_sweep.diagnosis.effects import every_form, form_named, forms_of, library
-from rover_sweep.diagnosis.effects.kinds import SpeedEffect
+from rover_sweep.diagnosis.effects.effect import SpeedEffect
 from rover_sweep.diagnosis.simulation.candidates import DEGREES_OF_FREEDOM, Model
 from rover_sweep.diagnosis.simulation.experiment import RATE, Experiment
 from rover_sweep.diagnosis.simulation.simulator import Sensors, logged

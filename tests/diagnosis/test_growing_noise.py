@@ -11,7 +11,7 @@ from planted import MODEL, NOISE, X, sweeps
 from rover_sweep.diagnosis.posterior.infer import Options, infer
 from rover_sweep.diagnosis.simulation.experiment import Experiment
 from rover_sweep.diagnosis.simulation.simulator import Sensors, logged
-from rover_sweep.diagnosis.unexplained.unexplained import left_unexplained
+from rover_sweep.diagnosis.unexplained import left_unexplained
 
 TORQUE = 0.02  # N m
 EFFECT = "suspension_friction"

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from planted import MODEL, NOISE, X, sweeps
 
-from rover_sweep.diagnosis.held_out.worth import FittedModel, HeldOutRun, compare_held_out, refitted_without
+from rover_sweep.diagnosis.held_out import FittedModel, HeldOutRun, compare_held_out, refitted_without
 from rover_sweep.diagnosis.problem.noise_floor import Floor
 from rover_sweep.diagnosis.problem.residuals import with_floor
 from rover_sweep.diagnosis.simulation.experiment import Experiment
 from rover_sweep.diagnosis.simulation.simulator import Sensors, logged
-from rover_sweep.identification.cost import ResponseData, weighted_errors
+from rover_sweep.identification.fit import ResponseData, weighted_errors
 
 BOTH = MODEL.with_effect("tyre_relaxation").with_effect("steering_trim")
 TRUE = {**X, "tyre_relaxation.sigma": 0.25, "trim": 0.02}

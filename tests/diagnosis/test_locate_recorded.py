@@ -5,10 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 from rover_sweep.api.read import Reading, load_steered
-from rover_sweep.data.tolerances import Tolerances
+from rover_sweep.data.geometry import Tolerances
 from rover_sweep.data.vehicle_file import load as vehicle_of
 from rover_sweep.data.vehicle_geometry import geometry_of
-from rover_sweep.diagnosis.locate.locate import mismatches
+from rover_sweep.diagnosis.locate import mismatches
 from rover_sweep.diagnosis.posterior.model_fit import fit_with_floor
 from rover_sweep.diagnosis.result import Mismatch
 from rover_sweep.diagnosis.simulation.candidates import Model

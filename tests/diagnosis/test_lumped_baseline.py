@@ -8,10 +8,9 @@ import pytest
 from planted import sweeps
 
 from rover_sweep.cli.main import run
-from rover_sweep.data.geometry import Geometry
-from rover_sweep.data.tolerances import Tolerances
+from rover_sweep.data.geometry import Geometry, Tolerances
 from rover_sweep.diagnosis.effects import library
-from rover_sweep.diagnosis.simulation import lumped_baseline
+from rover_sweep.diagnosis.simulation import candidates as lumped_baseline
 from rover_sweep.diagnosis.simulation.candidates import DEGREES_OF_FREEDOM, Model, added_coordinates
 from rover_sweep.diagnosis.simulation.simulator import Sensors, logged, vehicle_numbers
 from rover_sweep.diagnosis.simulation.single_track import single_tracks

@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from rover_sweep.diagnosis.posterior.model_error import (
+from rover_sweep.diagnosis.posterior.model_fit import (
     COMMON,
     HEIGHT,
     KNOTS,
@@ -16,8 +16,8 @@ from rover_sweep.diagnosis.posterior.model_error import (
     TRAIL,
     errors_of_coefficients,
     errors_of_responses,
+    with_floor_of,
 )
-from rover_sweep.diagnosis.posterior.model_fit import with_floor_of
 from rover_sweep.diagnosis.problem.least_squares import Fitted
 from rover_sweep.diagnosis.problem.residuals import Metric, Rows
 from rover_sweep.diagnosis.simulation.table_law import TableLaw, with_laws

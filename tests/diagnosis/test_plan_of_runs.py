@@ -9,15 +9,18 @@ from functools import cache
 import numpy as np
 import pytest
 
-from rover_sweep.data.geometry import Geometry
-from rover_sweep.data.tolerances import Tolerances
-from rover_sweep.diagnosis.plans.detectable_sizes import detectable
+from rover_sweep.data.geometry import Geometry, Tolerances
 from rover_sweep.diagnosis.plans.expected_posterior import NONE, OTHER, RunSet, expected
-from rover_sweep.diagnosis.plans.next_run import run_values
-from rover_sweep.diagnosis.plans.plan import plan
-from rover_sweep.diagnosis.plans.plan_result import Limits, PlannedRun
-from rover_sweep.diagnosis.plans.planner import Planner
-from rover_sweep.diagnosis.plans.proposals import allowed, candidates, lateral_acceleration, usual_run
+from rover_sweep.diagnosis.plans.plan import detectable, plan, run_values
+from rover_sweep.diagnosis.plans.planner import (
+    Limits,
+    PlannedRun,
+    Planner,
+    allowed,
+    candidates,
+    lateral_acceleration,
+    usual_run,
+)
 from rover_sweep.diagnosis.plans.run_evidence import RunEvidence, basis, evidence
 from rover_sweep.diagnosis.posterior.infer import SURE, Options, explore
 from rover_sweep.diagnosis.problem.noise_floor import Floor

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rover_sweep.diagnosis.held_out.worth import worse_by
+from rover_sweep.diagnosis.held_out import worse_by
 from rover_sweep.diagnosis.posterior.weights import Posterior, Weighed
 from rover_sweep.diagnosis.verdict import refuted_words
 

@@ -5,8 +5,7 @@ from pathlib import Path
 import pytest
 
 from rover_sweep.api.read import read
-from rover_sweep.data.geometry import Geometry
-from rover_sweep.data.tolerances import Tolerances
+from rover_sweep.data.geometry import Geometry, Tolerances
 from rover_sweep.data.vehicle_geometry import geometry_of
 from rover_sweep.diagnosis.posterior.model_fit import fit_with_floor
 from rover_sweep.diagnosis.posterior.speed_loss import SpeedLoss, speed_loss

@@ -11,18 +11,15 @@ import pytest
 from scipy.signal import firwin
 
 from rover_sweep.data.recording import Array
-from rover_sweep.diagnosis.posterior.curve_families import groups, unit_spectra
-from rover_sweep.diagnosis.posterior.model_fit import ModelFit
-from rover_sweep.diagnosis.posterior.transfers import added_rows, tapered_spectrum, transfers
+from rover_sweep.diagnosis.posterior.model_fit import ModelFit, added_rows, tapered_spectrum, transfers
+from rover_sweep.diagnosis.posterior.unnamed import groups, unit_spectra
 from rover_sweep.diagnosis.problem.least_squares import Fitted, fit, sensitivities
 from rover_sweep.diagnosis.problem.residuals import Problem, problem
 from rover_sweep.diagnosis.result import Unknown
 from rover_sweep.diagnosis.simulation.experiment import RATE, Experiment, tapered
 from rover_sweep.diagnosis.simulation.simulator import Sensors, logged, motion
 from rover_sweep.diagnosis.simulation.table_law import TableLaw, refuse_law, resonator, with_laws
-from rover_sweep.diagnosis.unexplained.input_place import input_places
-from rover_sweep.diagnosis.unexplained.law_search import find_laws
-from rover_sweep.diagnosis.unexplained.unexplained import NO_LAW, with_laws_of
+from rover_sweep.diagnosis.unexplained import NO_LAW, find_laws, input_places, with_laws_of
 from tests.diagnosis.planted import MODEL, NOISE, X, sweeps
 
 DAMPING = TableLaw("yaw moment", "r", (-1.4, -0.7, 0.0, 0.7, 1.4), (0.4, 0.1, 0.0, -0.1, -0.4))

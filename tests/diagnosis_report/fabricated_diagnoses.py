@@ -14,8 +14,8 @@ from rover_sweep.diagnosis.result import (
     LawCurve,
     LawHeldOut,
     Mismatch,
-    Overlay,
     Profile,
+    TimeHistory,
     Unknown,
     Unseen,
 )
@@ -24,7 +24,7 @@ NOISE = {"r": 0.012, "ay": 0.11, "p": 0.02}
 GAIN = {"r": 0.6, "ay": 1.4, "p": 0.35}
 
 
-def overlay(run: str, channel: str, held_out: bool, seconds: float = 24.0) -> Overlay:
+def overlay(run: str, channel: str, held_out: bool, seconds: float = 24.0) -> TimeHistory:
     """Measured, a model that lags behind (before) and one that does not (after)."""
     t = np.arange(0.0, seconds, 0.02)
     phase = 2 * np.pi * (0.1 * t + 0.05 * t**2)
@@ -34,7 +34,9 @@ def overlay(run: str, channel: str, held_out: bool, seconds: float = 24.0) -> Ov
     before = 1.0 + 60.0 / (1.0 + ((w - 9.0) / 4.0) ** 2)
     after = 1.0 + 0.3 * np.sin(w)
     late = GAIN[channel] * np.sin(phase - 0.35)
-    return Overlay(run, channel, held_out, t, clean + noise, late, clean, NOISE[channel], w, before, after)
+    return TimeHistory(
+        run, channel, held_out, t, clean + noise, late, clean, NOISE[channel], w, before, after
+    )
 
 
 BEFORE_AFTER = (

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 from fabricated_diagnoses import EXPLAINED
 from fabricated_plans import PLAN
 
-from rover_sweep.diagnosis.plans.plan_result import Plan
+from rover_sweep.diagnosis.plans.planner import Plan
 from rover_sweep.diagnosis.result import Diagnosis
 
 PLAIN = replace(EXPLAINED, overlays=(), mismatch=(), scores={})  # without pictures, which take their time

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from rover_sweep.diagnosis.plans.plan_result import DetectableSize, Plan, PlannedRun, SimilarPair
+from rover_sweep.diagnosis.plans.planner import DetectableSize, Plan, PlannedRun, SimilarPair
 from rover_sweep.diagnosis.result import Unseen
 
 PLAN = Plan(

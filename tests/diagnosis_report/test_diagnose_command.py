@@ -15,7 +15,7 @@ import pytest
 from fabricated_diagnoses import EXPLAINED, NONE, REFUSED
 from fabricated_engine import Engine, ProgramResult
 
-from rover_sweep.api.run_roles import same_recording
+from rover_sweep.api.read import same_recording
 from rover_sweep.data.recording import Recording
 from rover_sweep.errors import DataRefused
 from rover_sweep.logs.read import read_runs

@@ -10,10 +10,8 @@ import pytest
 from fabricated_diagnoses import ALL, EXPLAINED, NONE, PARTLY
 
 from rover_sweep.diagnosis.result import Diagnosis, Unseen, UpperBound
-from rover_sweep.report.diagnosis.diagnosis_json import diagnosis_document
-from rover_sweep.report.diagnosis.origin import DiagnosisOrigin
-from rover_sweep.report.diagnosis.read_json import diagnosis_from
-from rover_sweep.report.wording.strict_json import strict_json
+from rover_sweep.report.diagnosis.diagnosis_json import DiagnosisOrigin, diagnosis_document, diagnosis_from
+from rover_sweep.report.wording import strict_json
 
 NUMBER = (int, float)
 MAYBE = (int, float, type(None))

@@ -14,10 +14,8 @@ from fabricated_diagnoses import ALL, EXPLAINED, NONE, PARTLY
 
 from rover_sweep.data.recording import Note, Recording
 from rover_sweep.diagnosis.result import Diagnosis, Unseen, UpperBound
-from rover_sweep.report.diagnosis.origin import DiagnosisOrigin
-from rover_sweep.report.diagnosis.page import diagnosis_page
-from rover_sweep.report.diagnosis.pictures import planned
-from rover_sweep.report.diagnosis.report_folder import write_diagnosis
+from rover_sweep.report.diagnosis.diagnosis_json import DiagnosisOrigin
+from rover_sweep.report.diagnosis.page import diagnosis_page, planned, write_diagnosis
 from rover_sweep.report.pictures.overlay import overlay_figure
 
 

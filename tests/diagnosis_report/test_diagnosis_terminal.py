@@ -11,9 +11,9 @@ from fabricated_plans import PLAN
 from rich.console import Console, RenderableType
 
 from rover_sweep.diagnosis.result import Unseen, UpperBound
-from rover_sweep.report.diagnosis.plan_table import plan_summary
-from rover_sweep.report.diagnosis.terminal import summary
-from rover_sweep.report.wording.effect_names import sentence
+from rover_sweep.report.diagnosis.page import plan_summary
+from rover_sweep.report.diagnosis.tables import summary
+from rover_sweep.report.wording import sentence
 
 EXPECTED = """\
 PARTLY EXPLAINED

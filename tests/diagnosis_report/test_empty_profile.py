@@ -7,7 +7,7 @@ from dataclasses import replace
 from fabricated_diagnoses import OVERLAYS
 
 from rover_sweep.diagnosis.result import Mismatch, Profile
-from rover_sweep.report.pictures.mismatch import drawable, mismatch
+from rover_sweep.report.pictures.overlay import drawable, mismatch
 
 PLACE = Mismatch(
     "r", (0.0, 1.0), "heading south", 1.6, "r differs heading south", Profile("heading", "", (), ())

@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 from fabricated_diagnoses import BACKLASH
 
-from rover_sweep.diagnosis.held_out.turn_impact import Turn
-from rover_sweep.diagnosis.result import Diagnosis, Fit, HeldOut, Overlay
-from rover_sweep.diagnosis.verdict import importance_words, turn_change, why_it_does_not_matter
+from rover_sweep.diagnosis.result import Diagnosis, Fit, HeldOut, TimeHistory
+from rover_sweep.diagnosis.verdict import Turn, importance_words, turn_change, why_it_does_not_matter
 
 FRICTION = replace(BACKLASH, held_out=(HeldOut("run5", Fit(1.31, 0.1), Fit(1.28, 0.1), 0.04),))
 TURN = Turn(2.2, 0.2, 1.5, delay=0.05, rate=0.0, path=0.1)
@@ -20,7 +19,7 @@ def late_by(delay: float, gain: float) -> Diagnosis:
     t = np.arange(0.0, 30.0, 0.02)
     before, after = np.sin(1.3 * t), gain * np.sin(1.3 * (t - delay))
     w = np.ones(2)
-    overlay = Overlay("run4", "r", True, t, after, before, after, 0.01, w, w, w)
+    overlay = TimeHistory("run4", "r", True, t, after, before, after, 0.01, w, w, w)
     return Diagnosis("explained", "", "bicycle", findings=(BACKLASH,), overlays=(overlay,))
 
 

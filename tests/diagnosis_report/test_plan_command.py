@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from fabricated_engine import Engine, ProgramResult
 
-from rover_sweep.diagnosis.plans.plan_result import PlannedRun
+from rover_sweep.diagnosis.plans.planner import PlannedRun
 
 DATA = Path(__file__).parents[1] / "data"
 NOMINAL = DATA / "ardurover-4.6.3" / "nominal"

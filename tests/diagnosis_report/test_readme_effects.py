@@ -6,7 +6,7 @@ import re
 from pathlib import Path
 
 from rover_sweep.diagnosis.effects import library
-from rover_sweep.report.wording.effect_names import title
+from rover_sweep.report.wording import title
 
 README = Path(__file__).parents[2] / "docs/effects.md"
 REPORTED = {

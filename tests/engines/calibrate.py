@@ -25,8 +25,8 @@ from rover_sweep.diagnosis.posterior.infer import Options, explore
 from rover_sweep.diagnosis.posterior.weights import ExplanationEvidence, SomethingElse, posterior
 from rover_sweep.diagnosis.simulation.candidates import Model
 from rover_sweep.diagnosis.simulation.experiment import experiment, in_order
-from rover_sweep.identification.baseline import determined_model
 from rover_sweep.identification.grouping import Settings, grouped
+from rover_sweep.identification.model_results import determined_model
 from tests.engines.draw import BenchSet
 from tests.foreign.grade import NEAREST, OUTSIDE, SAME
 

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 import rover_sweep as rs
-from rover_sweep.api.compare import compare
+from rover_sweep.api.diagnose import compare
 from rover_sweep.data.recording import Recording
 from tests.engines.engine import MODULES, Engine, engine
 from tests.engines.rover import EngineRover

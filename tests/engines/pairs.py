@@ -20,7 +20,7 @@ import numpy as np
 from numpy.random import Generator
 
 import rover_sweep as rs
-from rover_sweep.api.compare import compare
+from rover_sweep.api.diagnose import compare
 from rover_sweep.api.read import Runs, with_delta
 from rover_sweep.data.vehicle_file import parse
 from tests.comparison.pairs import ALWAYS, FACTORS, KINDS

@@ -15,14 +15,14 @@ from scipy.fft import irfft, rfft
 
 from rover_sweep.data.recording import Array
 from rover_sweep.data.vehicle_geometry import geometry_of, tolerances_of
-from rover_sweep.diagnosis.held_out.worth import FittedModel
+from rover_sweep.diagnosis.held_out import FittedModel
 from rover_sweep.diagnosis.posterior.model_fit import fit_with_floor
 from rover_sweep.diagnosis.problem.residuals import centred
 from rover_sweep.diagnosis.simulation.candidates import SAME_SPEED, Model
 from rover_sweep.diagnosis.simulation.experiment import RATE, Experiment, experiment, in_order
 from rover_sweep.diagnosis.simulation.simulator import motion, vehicle_numbers
-from rover_sweep.identification.baseline import determined_model
 from rover_sweep.identification.grouping import Settings, grouped
+from rover_sweep.identification.model_results import determined_model
 from tests.engines.draw import BenchSet
 
 BAND_HZ = 4.0

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import unicodedata
 
-from rover_sweep.files.printable import printable, printable_lines, same_length, shortened, within_json
+from rover_sweep.files.documents import printable, printable_lines, same_length, shortened, within_json
 
 CONTROLS = "".join(map(chr, [*range(0x20), *range(0x7F, 0xA0)]))
 DIRECTIONS = "\u202a\u202b\u202c\u202d\u202e\u2066\u2067\u2068\u2069\u200e\u200f\u061c"

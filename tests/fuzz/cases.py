@@ -18,8 +18,8 @@ from rover_sweep.cli.main import run as command
 from rover_sweep.data.recording import Recording
 from rover_sweep.data.vehicle_file import parse
 from rover_sweep.errors import LinkError, RoverSweepError
-from rover_sweep.identification.structure.toml_form import StructureError, structure_from_text
-from rover_sweep.live.telemetry import Telemetry
+from rover_sweep.identification.toml_form import StructureError, structure_from_text
+from rover_sweep.live.source import Telemetry
 from rover_sweep.logs import read_runs
 from rover_sweep.quality.coherence import assess
 from rover_sweep.session.folder import DESCRIPTION, VEHICLE_FILE

@@ -13,7 +13,7 @@ import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from rover_sweep.data.recording import Recording
-from rover_sweep.identification.models.roll_yaw import roll_yaw
+from rover_sweep.identification.models import roll_yaw
 from rover_sweep.manoeuvre.sweep import Sweep
 from rover_sweep.session.content import SessionRun
 from rover_sweep.session.folder import DESCRIPTION, VEHICLE_FILE, Session

@@ -15,9 +15,9 @@ from pathlib import Path
 import numpy as np
 
 from rover_sweep.data.recording import Array
+from rover_sweep.gains.controller import BEFORE, Step, simulated_step, step_metrics
 from rover_sweep.gains.proposal import Proposal, family_of
 from rover_sweep.gains.steering_chain import Autopilot, Gains
-from rover_sweep.gains.step import BEFORE, Step, simulated_step, step_metrics
 from rover_sweep.logs.readers.dataflash import index
 
 STEP = math.radians(30)

@@ -11,10 +11,9 @@ from acro_drive import FULL, Profile, Segment
 
 from firmware_params.param_files import shipped
 from rover_sweep.gains.steering_chain import DEFAULTS, Autopilot, Gains, autopilot
-from rover_sweep.vehicle.link.link import Link
+from rover_sweep.vehicle.link.link import Link, Refused
 from rover_sweep.vehicle.link.mavlink import constant
-from rover_sweep.vehicle.link.requests import Refused
-from rover_sweep.vehicle.parameters.read_write import read_all, write_parameter
+from rover_sweep.vehicle.parameters import read_all, write_parameter
 from rover_sweep.vehicle.run.controls import pump
 from sitl.launcher import start_ardurover
 

@@ -9,11 +9,9 @@ import pytest
 
 from rover_sweep.data.geometry import Geometry
 from rover_sweep.gains.controller import RatePid, feedback_response, limited_target, simulate_loop
-from rover_sweep.gains.margins import frequencies, margins
-from rover_sweep.gains.steering_chain import Gains, autopilot
-from rover_sweep.gains.steering_plant import SampledPlant, sampled_plant
-from rover_sweep.identification.models.bicycle import bicycle
-from rover_sweep.identification.models.kinematic import kinematic
+from rover_sweep.gains.steering_chain import Gains, SampledPlant, autopilot, sampled_plant
+from rover_sweep.gains.tuning import frequencies, margins
+from rover_sweep.identification.models import bicycle, kinematic
 
 CAR = Geometry(mass=2.66, a=0.203, b=0.188, yaw_inertia=0.07)
 MODEL = bicycle(CAR).with_values({"C": 32.0, "Izz": 0.07, "tau": 0.033})

@@ -8,10 +8,17 @@ import numpy as np
 import pytest
 
 from rover_sweep.data.recording import Array
-from rover_sweep.gains.controller import RatePid, limited_target
+from rover_sweep.gains.controller import (
+    BEFORE,
+    RatePid,
+    Step,
+    limited_target,
+    simulated_step,
+    step_metrics,
+    step_target,
+)
 from rover_sweep.gains.proposal import Proposal
 from rover_sweep.gains.steering_chain import Autopilot, Gains
-from rover_sweep.gains.step import BEFORE, Step, simulated_step, step_metrics, step_target
 from sitl.plant.plant import Plant
 from sitl.plant.sensors import LowPassFilter2p
 from sitl.plant.variant import load_variant

@@ -10,13 +10,11 @@ import pytest
 
 from firmware_params.param_files import parse
 from rover_sweep.gains.controller import feedback_response
-from rover_sweep.gains.gains_json import gains_document
+from rover_sweep.gains.gains_json import gains_document, param_text
 from rover_sweep.gains.identified import from_identification
-from rover_sweep.gains.margins import GAIN_MARGIN_DB, PHASE_MARGIN_DEG, frequencies, margins
 from rover_sweep.gains.proposal import Proposal, propose_gains
-from rover_sweep.gains.steering_chain import autopilot
-from rover_sweep.gains.steering_plant import sampled_plant
-from rover_sweep.gains.write_param_file import param_text
+from rover_sweep.gains.steering_chain import autopilot, sampled_plant
+from rover_sweep.gains.tuning import GAIN_MARGIN_DB, PHASE_MARGIN_DEG, frequencies, margins
 
 AS_RECORDED = {"SCHED_LOOP_RATE": 100.0, "INS_GYRO_FILTER": 20.0}
 LOOP = autopilot(AS_RECORDED)

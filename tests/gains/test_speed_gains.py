@@ -7,12 +7,21 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rover_sweep.gains.speed_chain import SpeedLoop, SpeedSettings, speed_loop
-from rover_sweep.gains.speed_identified import IdentifiedSpeed, SpeedPlant
+from rover_sweep.gains.gains_json import speed_text
+from rover_sweep.gains.speed_chain import (
+    IdentifiedSpeed,
+    SpeedLoop,
+    SpeedPlant,
+    SpeedSettings,
+    accel_limit,
+    accelerated,
+    cruise,
+    margins_of,
+    simulate_speed,
+    speed_loop,
+    step_of_speed,
+)
 from rover_sweep.gains.speed_proposal import propose_speed
-from rover_sweep.gains.speed_simulation import accelerated, simulate_speed
-from rover_sweep.gains.speed_tuning import accel_limit, cruise, margins_of, step_of_speed
-from rover_sweep.gains.write_speed_params import speed_text
 
 PLANT = SpeedPlant(5.0, 0.7, 0.12, 0.09, 0.06)
 FOUND = IdentifiedSpeed(

@@ -6,9 +6,8 @@ from dataclasses import replace
 
 import pytest
 
-from rover_sweep.gains.proposal import Proposal
-from rover_sweep.gains.steering_limits import SteeringLimits, steering_limits
-from rover_sweep.gains.write_speed_params import limits_text
+from rover_sweep.gains.gains_json import limits_text
+from rover_sweep.gains.proposal import Proposal, SteeringLimits, steering_limits
 
 
 def limits_of(of: Proposal, largest_us: float | None) -> SteeringLimits:

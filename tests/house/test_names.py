@@ -1,6 +1,6 @@
-"""One name for one thing: no two public classes, functions or files of rover_sweep share a name.
+"""One name for one thing: no two public classes or functions of rover_sweep share a name.
 
-SAME_NAME and SAME_FILE list the exceptions with their reasons. Click commands are exempt: each has the name
+SAME_NAME lists the exceptions with their reasons. Click commands are exempt: each has the name
 of its verb.
 """
 
@@ -15,40 +15,15 @@ PACKAGE = Path(__file__).parents[2] / "rover_sweep"
 VERB = "one verb: the core computes it, api orchestrates it, a command or a screen shows it"
 REPORTS = "report/identification and report/diagnosis are parallel"
 SAME_NAME = {
-    "Overlay": "measured against modelled in an identification and in a diagnosis; saved results name both",
     "compare": VERB,
     "cost_table": REPORTS,
     "diagnose": VERB,
     "fit": "the fit of each of the two cores",
     "identify": VERB,
     "identify_speed": VERB,
-    "matrices": "one for each model structure; saved results name them",
     "motion": "one for each kind of baseline",
     "planned": REPORTS,
 }
-SAME_FILE = {
-    "by_mavsdk": "parameters and logs over MAVSDK in place of MAVLink",
-    "coherence": VERB,
-    "compare": VERB,
-    "diagnose": VERB,
-    "dry_run": VERB,
-    "export": VERB,
-    "gains": VERB,
-    "identify": VERB,
-    "log": "a recorded log, and the screen of messages",
-    "page": REPORTS,
-    "pictures": REPORTS,
-    "plan": VERB,
-    "preflight": VERB,
-    "read": VERB,
-    "report_folder": REPORTS,
-    "run": VERB,
-    "session": VERB,
-    "settings": "of a diagnosis, and of a driven run",
-    "terminal": REPORTS,
-    "verdict": "of a diagnosis, and the screen of a run's verdict",
-}
-
 Definition = ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef
 
 
@@ -77,13 +52,3 @@ def test_public_names_are_unique() -> None:
     found = repeated(homes)
     assert not {name: places for name, places in found.items() if name not in SAME_NAME}
     assert not SAME_NAME.keys() - found.keys(), "an exception that is no longer needed"
-
-
-def test_file_names_are_unique() -> None:
-    homes: dict[str, list[str]] = defaultdict(list)
-    for path in PACKAGE.rglob("*.py"):
-        if path.stem != "__init__":
-            homes[path.stem].append(str(path.relative_to(PACKAGE)))
-    found = repeated(homes)
-    assert not {name: places for name, places in found.items() if name not in SAME_FILE}
-    assert not SAME_FILE.keys() - found.keys(), "an exception that is no longer needed"

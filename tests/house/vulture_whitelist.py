@@ -15,7 +15,7 @@ _ = [
     it.handle_websocket,
     it.initialize_logging,
     it.theme,
-    # the public results, for users' Python; the functions are found by address (rover_sweep.data.later)
+    # the public results, for users' Python; the functions are found by address (rover_sweep.data.recording)
     it.plot,
     it.plot_curves,
     it.to_frame,

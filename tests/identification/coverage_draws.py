@@ -6,13 +6,12 @@ import numpy as np
 from scipy.signal import lfilter
 from synthetic import GEOMETRY, TRUE, driven
 
-from rover_sweep.data.intervals import Intervals
 from rover_sweep.data.recording import LowPass, Recording
-from rover_sweep.identification.bootstrap.bootstrap import Bootstrap
-from rover_sweep.identification.cost import Condition
-from rover_sweep.identification.fit import FitResult, fit
+from rover_sweep.data.results import Intervals
+from rover_sweep.identification.bootstrap import Bootstrap
+from rover_sweep.identification.fit import Condition, FitResult, fit
 from rover_sweep.identification.grouping import Settings, grouped
-from rover_sweep.identification.models.roll_yaw import roll_yaw
+from rover_sweep.identification.models import roll_yaw
 from rover_sweep.manoeuvre.sweep import Sweep
 
 RMS = {"r": 0.014, "p": 0.03, "ay": 0.14}  # rad/s, rad/s, m/s^2 on the recordings, behind 20 Hz filters

@@ -8,8 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rover_sweep.data.recording import Signal
-from rover_sweep.data.throttle_run import ThrottleRun
+from rover_sweep.data.recording import Signal, ThrottleRun
 
 PARAMETERS = {"SERVO3_FUNCTION": 70.0, "SERVO3_TRIM": 1500.0, "SERVO3_MIN": 1100.0, "SERVO3_MAX": 1900.0}
 

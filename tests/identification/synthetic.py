@@ -7,7 +7,7 @@ from scipy.signal import cont2discrete, lfilter
 
 from rover_sweep.data.geometry import Geometry
 from rover_sweep.data.recording import LowPass, Recording, Signal
-from rover_sweep.identification.structure.state_space import ModelStructure
+from rover_sweep.identification.state_space import ModelStructure
 from rover_sweep.manoeuvre.sweep import Sweep
 
 GEOMETRY = Geometry(

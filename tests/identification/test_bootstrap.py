@@ -8,16 +8,13 @@ from coverage_draws import FILTERS, FITTED, TRUTH, clean_runs, disturbed, drawn
 from synthetic import GEOMETRY, TRUE
 
 from rover_sweep.data.recording import Signal
-from rover_sweep.identification.bootstrap.bootstrap import Bootstrap
-from rover_sweep.identification.bootstrap.forced_response import forced_response
-from rover_sweep.identification.bootstrap.refit import refitted_replicates
-from rover_sweep.identification.cost import sampled
-from rover_sweep.identification.fit import fit
+from rover_sweep.identification.bootstrap import Bootstrap
+from rover_sweep.identification.fit import fit, sampled
 from rover_sweep.identification.grouping import Settings, grouped
-from rover_sweep.identification.models.bicycle import bicycle
-from rover_sweep.identification.models.roll_yaw import roll_yaw
+from rover_sweep.identification.models import bicycle, roll_yaw
 from rover_sweep.identification.pipeline import identify
-from rover_sweep.spectra.noise import ResidualSpectra, fresh_noise
+from rover_sweep.identification.refit import forced_response, refitted_replicates
+from rover_sweep.spectra.harmonics import ResidualSpectra, fresh_noise
 
 NAMES = list(TRUE)
 

@@ -9,10 +9,10 @@ from synthetic import GEOMETRY, TRUE, driven
 
 from rover_sweep.data.recording import ASSUMED, LowPass, Note, Recording
 from rover_sweep.identification.grouping import Settings
-from rover_sweep.identification.models.roll_yaw import roll_yaw
+from rover_sweep.identification.models import roll_yaw
 from rover_sweep.identification.pipeline import identify
 from rover_sweep.manoeuvre.sweep import Sweep
-from rover_sweep.quality.doubts import doubts
+from rover_sweep.quality.faults import doubts
 
 SETTINGS = Settings(models=("bicycle",), bootstrap=0)
 CUT = Note("warning", "The recording ends before the end of the run: it ends at 28 s.")

@@ -9,11 +9,8 @@ from test_published_model import PAPER, PUBLISHED, TABLE_2, TABLE_3, at_coherenc
 
 from rover_sweep.data.geometry import GRAVITY
 from rover_sweep.identification.fit import accuracy, evaluated
-from rover_sweep.identification.handling import handling
-from rover_sweep.identification.handling_limits import peak_lateral_acceleration, warnings
-from rover_sweep.identification.models.bicycle import bicycle
-from rover_sweep.identification.models.kinematic import kinematic
-from rover_sweep.identification.models.roll_yaw import roll_yaw
+from rover_sweep.identification.handling import handling, peak_lateral_acceleration, warnings
+from rover_sweep.identification.models import bicycle, kinematic, roll_yaw
 from rover_sweep.manoeuvre.sweep import Sweep
 
 BICYCLE = bicycle(PAPER).with_values(TABLE_2)

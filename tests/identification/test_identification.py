@@ -6,7 +6,7 @@ from synthetic import GEOMETRY, TRUE, driven, mirrored
 
 from rover_sweep.data.recording import LowPass
 from rover_sweep.identification.grouping import Settings
-from rover_sweep.identification.models.roll_yaw import roll_yaw
+from rover_sweep.identification.models import roll_yaw
 from rover_sweep.identification.pipeline import identify
 from rover_sweep.identification.verify import verify
 from rover_sweep.manoeuvre.sweep import Sweep

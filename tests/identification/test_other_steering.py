@@ -9,9 +9,10 @@ import pytest
 from synthetic import GEOMETRY, TRUE, driven
 
 from rover_sweep.identification.grouping import Settings
-from rover_sweep.identification.models.roll_yaw import matrices, roll_yaw
+from rover_sweep.identification.models import roll_yaw
+from rover_sweep.identification.models import roll_yaw_matrices as matrices
 from rover_sweep.identification.pipeline import identify
-from rover_sweep.identification.structure.state_space import Matrices, ModelStructure
+from rover_sweep.identification.state_space import Matrices, ModelStructure
 from rover_sweep.identification.verify import verify
 from rover_sweep.manoeuvre.sweep import Sweep
 

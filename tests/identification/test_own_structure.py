@@ -10,9 +10,9 @@ from synthetic import GEOMETRY, TRUE, driven
 
 from rover_sweep.data.recording import Recording, Signal
 from rover_sweep.identification.grouping import Settings
-from rover_sweep.identification.models.bicycle import bicycle
+from rover_sweep.identification.models import bicycle
 from rover_sweep.identification.pipeline import identify
-from rover_sweep.identification.structure.toml_form import structure_from_text
+from rover_sweep.identification.toml_form import structure_from_text
 from rover_sweep.manoeuvre.sweep import Sweep
 
 FILES = Path(__file__).parents[1] / "data" / "structures"

@@ -10,11 +10,9 @@ import numpy as np
 import pytest
 
 from rover_sweep.data.geometry import Geometry
-from rover_sweep.identification.cost import Condition, ResponseData
-from rover_sweep.identification.fit import accuracy
-from rover_sweep.identification.models.bicycle import bicycle
-from rover_sweep.identification.models.roll_yaw import roll_yaw
-from rover_sweep.identification.structure.state_space import Matrices, ModelStructure
+from rover_sweep.identification.fit import Condition, ResponseData, accuracy
+from rover_sweep.identification.models import bicycle, roll_yaw
+from rover_sweep.identification.state_space import Matrices, ModelStructure
 
 PAPER = Geometry(mass=2.64, a=0.33, b=0.24, sprung_mass=2.38, h=0.06, roll_inertia=0.008)
 TABLE_2 = {"C": 22.6, "Izz": 0.085, "tau": 0.072}
@@ -88,7 +86,7 @@ def test_sensitivities_are_the_slopes_of_the_response(structure: ModelStructure,
 
 
 def test_the_cost_of_one_decibel_everywhere():
-    from rover_sweep.identification.cost import costs
+    from rover_sweep.identification.fit import costs
 
     structure = bicycle(PAPER).with_values(TABLE_2)
     condition = at_coherence_one(structure, {"r": (0.3, 25.0)})

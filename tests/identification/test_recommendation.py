@@ -10,13 +10,13 @@ import pytest
 from synthetic import GEOMETRY, TRUE, driven
 
 import rover_sweep as rs
-from rover_sweep.data.intervals import Intervals
 from rover_sweep.data.recording import Recording
+from rover_sweep.data.results import Intervals
 from rover_sweep.identification import pipeline
 from rover_sweep.identification.grouping import Settings
-from rover_sweep.identification.models.roll_yaw import roll_yaw
+from rover_sweep.identification.model_results import recommendation
+from rover_sweep.identification.models import roll_yaw
 from rover_sweep.identification.pipeline import Identification, identify
-from rover_sweep.identification.recommendation import recommendation
 from rover_sweep.identification.verdicts import ModelVerdict, judge_model
 from rover_sweep.manoeuvre.sweep import Sweep
 

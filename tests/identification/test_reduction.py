@@ -7,12 +7,11 @@ import pytest
 from synthetic import GEOMETRY, TRUE, driven
 
 import rover_sweep as rs
-from rover_sweep.identification.cost import Condition, ResponseData
-from rover_sweep.identification.fit import fit
+from rover_sweep.identification.fit import Condition, ResponseData, fit
 from rover_sweep.identification.grouping import Settings
-from rover_sweep.identification.models.roll_yaw import roll_yaw
+from rover_sweep.identification.models import roll_yaw
 from rover_sweep.identification.pipeline import identify
-from rover_sweep.identification.reduction import reduce_model
+from rover_sweep.identification.verdicts import reduce_model
 from rover_sweep.manoeuvre.sweep import Sweep
 
 FREED = ("Ixx", "Ixz", "h")

@@ -9,8 +9,8 @@ import pytest
 from driven_speed import Truth, driven
 
 from rover_sweep.data.recording import Signal
-from rover_sweep.identification.speed.identify_speed import SpeedResult, identify_speed
-from rover_sweep.identification.speed.speed_noise import SpeedNoise, noise_of
+from rover_sweep.identification.identify_speed import SpeedResult, identify_speed
+from rover_sweep.identification.speed_fit import SpeedNoise, noise_of
 
 TRUTH = Truth()
 

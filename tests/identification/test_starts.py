@@ -4,12 +4,10 @@ import numpy as np
 import pytest
 from synthetic import GEOMETRY, TRUE
 
-from rover_sweep.identification.cost import Condition, ResponseData
-from rover_sweep.identification.fit import FitResult, fit
-from rover_sweep.identification.models.roll_yaw import roll_yaw
-from rover_sweep.identification.starts import drawn_starts, near_starts
-from rover_sweep.identification.structure.state_space import ModelStructure
-from rover_sweep.identification.structure.toml_form import structure_from_text
+from rover_sweep.identification.fit import Condition, FitResult, ResponseData, drawn_starts, fit, near_starts
+from rover_sweep.identification.models import roll_yaw
+from rover_sweep.identification.state_space import ModelStructure
+from rover_sweep.identification.toml_form import structure_from_text
 from rover_sweep.identification.verdicts import judge_model
 
 W = np.geomspace(0.3, 25, 20)

@@ -6,9 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from rover_sweep.identification.bootstrap.model_intervals import with_intervals
+from rover_sweep.identification.bootstrap import stiffness_loss, with_intervals, with_structural_error
 from rover_sweep.identification.grouping import Settings
-from rover_sweep.identification.structural_error import stiffness_loss, with_structural_error
 from tests.benchmarks.interval_coverage import handling_checked, identified, parameters_checked, rover_named
 
 SEEDS = (501, 502)  # of the benchmark's, in which 9 or 10 of 10 held each truth

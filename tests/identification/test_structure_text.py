@@ -7,13 +7,10 @@ import numpy as np
 import pytest
 from synthetic import GEOMETRY, TRUE
 
-from rover_sweep.identification.cost import Condition, ResponseData
-from rover_sweep.identification.fit import fit
-from rover_sweep.identification.models.bicycle import bicycle
-from rover_sweep.identification.models.roll_yaw import roll_yaw
-from rover_sweep.identification.structure.expressions import parsed
-from rover_sweep.identification.structure.state_space import ModelStructure
-from rover_sweep.identification.structure.toml_form import StructureError, structure_from_text
+from rover_sweep.identification.fit import Condition, ResponseData, fit
+from rover_sweep.identification.models import bicycle, roll_yaw
+from rover_sweep.identification.state_space import ModelStructure
+from rover_sweep.identification.toml_form import StructureError, parsed, structure_from_text
 
 FILES = Path(__file__).parents[1] / "data" / "structures"
 W = np.geomspace(0.3, 25, 20)

@@ -5,8 +5,7 @@ from synthetic import GEOMETRY, TRUE, driven
 
 from rover_sweep.identification.grouping import Settings
 from rover_sweep.identification.handling import handling
-from rover_sweep.identification.models.roll_yaw import roll_yaw
-from rover_sweep.identification.models.steering_lag import refitted_with_lag, with_steering_lag
+from rover_sweep.identification.models import refitted_with_lag, roll_yaw, with_steering_lag
 from rover_sweep.identification.pipeline import identify
 from rover_sweep.manoeuvre.sweep import Sweep
 

@@ -7,12 +7,10 @@ import pytest
 from synthetic import GEOMETRY, TRUE, driven
 
 from rover_sweep.data.recording import Recording
-from rover_sweep.identification.cost import Condition, sampled
-from rover_sweep.identification.fit import FitResult, evaluated
-from rover_sweep.identification.models.lumped import lumped
-from rover_sweep.identification.models.roll_yaw import roll_yaw
-from rover_sweep.identification.reduction import reduce_model
-from rover_sweep.identification.structure.state_space import ModelStructure
+from rover_sweep.identification.fit import Condition, FitResult, evaluated, sampled
+from rover_sweep.identification.models import lumped, roll_yaw
+from rover_sweep.identification.state_space import ModelStructure
+from rover_sweep.identification.verdicts import reduce_model
 from rover_sweep.identification.verify import verify
 from rover_sweep.manoeuvre.sweep import Sweep
 from rover_sweep.quality.coherence import responses
@@ -56,7 +54,7 @@ def test_reduction_keeps_what_a_stable_model_needs_to_stay_stable(
         moved = evaluated(structure.with_values({"L_p": 50.0}), [condition])
         return replace(moved, costs=full.costs)
 
-    monkeypatch.setattr("rover_sweep.identification.reduction.fit", unstable_and_cheap)
+    monkeypatch.setattr("rover_sweep.identification.verdicts.fit", unstable_and_cheap)
     best, steps = reduce_model(full, [condition])
     assert best is full
     assert steps and all(s.unstable and not s.dropped for s in steps)

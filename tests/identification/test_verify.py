@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from synthetic import GEOMETRY, TRUE, driven
 
-from rover_sweep.identification.models.roll_yaw import roll_yaw
+from rover_sweep.identification.models import roll_yaw
 from rover_sweep.identification.verify import Overlay, theil, verify
 from rover_sweep.manoeuvre.sweep import Doublet, Sweep
 

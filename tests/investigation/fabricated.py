@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from rover_sweep.diagnosis.plans.next_run import Odds, RunValue
-from rover_sweep.diagnosis.plans.plan_result import PlannedRun
+from rover_sweep.diagnosis.plans.plan import Odds, RunValue
+from rover_sweep.diagnosis.plans.planner import PlannedRun
 from rover_sweep.diagnosis.result import Diagnosis, Finding, Fit, HeldOut, Unknown, Unseen, UpperBound
-from rover_sweep.investigation.next_step import Means
+from rover_sweep.investigation.decide import Means
 
 SWEEP, DOUBLET = PlannedRun("sweep", 200.0, 2.4), PlannedRun("doublet", 120.0, 2.4)
 SLOW = PlannedRun("sweep", 240.0, 1.4)

@@ -20,12 +20,10 @@ from fabricated import (
 )
 
 from rover_sweep.diagnosis.plans.expected_posterior import NONE, OTHER
-from rover_sweep.diagnosis.plans.next_run import RunValue, effects_of
+from rover_sweep.diagnosis.plans.plan import RunValue, effects_of
 from rover_sweep.diagnosis.problem.least_squares import COARSE
 from rover_sweep.diagnosis.result import Finding, UpperBound
-from rover_sweep.investigation.decide import first_run, next_step
-from rover_sweep.investigation.next_step import Means
-from rover_sweep.investigation.open_questions import times_over, told
+from rover_sweep.investigation.decide import Means, first_run, next_step, times_over, told
 
 ALIKE = replace(PLAY, look_alikes=("steering_deadband",))
 PAIR = ("steering_backlash", "steering_deadband")

@@ -9,11 +9,21 @@ from pathlib import Path
 import pytest
 from fabricated import PLAY, explained, unexplained
 
-from rover_sweep.api.investigation import Bounds, Decision, choices, decided, first_sweep, fits, investigation
-from rover_sweep.api.investigation_json import investigation_document, steps_before, write_investigation
+from rover_sweep.api.investigation import (
+    Bounds,
+    Decision,
+    choices,
+    decided,
+    first_sweep,
+    fits,
+    investigation,
+    investigation_document,
+    steps_before,
+    write_investigation,
+)
 from rover_sweep.data.recording import Recording
 from rover_sweep.data.vehicle_file import Vehicle, load
-from rover_sweep.diagnosis.plans.plan_result import PlannedRun
+from rover_sweep.diagnosis.plans.planner import PlannedRun
 from rover_sweep.errors import UsageError
 from rover_sweep.logs.read import read_runs
 

@@ -10,10 +10,10 @@ from typing import Any, TypeVar
 
 from firmware_params.param_files import read, shipped
 from rover_sweep.live.source import Connect, Ended, Request, Update
-from rover_sweep.live.vehicle.vehicle_source import VehicleSource
+from rover_sweep.live.vehicle_source import VehicleSource
 from rover_sweep.manoeuvre.sweep import Doublet, Sweep
 from rover_sweep.session.session import SessionRun
-from rover_sweep.vehicle.run.settings import RunSettings
+from rover_sweep.vehicle.run.controls import RunSettings
 
 Kind = TypeVar("Kind")
 

@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable
 from typing import TypeVar
 
-from rover_sweep.live.played.played_source import PlayedSource
+from rover_sweep.live.played_source import PlayedSource
 from rover_sweep.live.source import Played, Update
 
 T = TypeVar("T")

@@ -12,15 +12,14 @@ import pytest
 from asked_source import PLAN, READY, SETTINGS, Asked
 from counted_proxy import CountedProxy
 
-from rover_sweep.live.snapshot import Snapshot
-from rover_sweep.live.source import DriveRequest, Ended, FetchLogs, Judged, Lost, Play
+from rover_sweep.live.source import DriveRequest, Ended, FetchLogs, Judged, Lost, Play, Snapshot
 from rover_sweep.logs.readers.tlog import open_tlog
 from rover_sweep.manoeuvre.sweep import Sweep
 from rover_sweep.session.folder import read_folder
 from rover_sweep.session.session import SessionRun
 from rover_sweep.vehicle.events import Connected, Interrupted, Notice, RunFinished, StateChanged
 from rover_sweep.vehicle.link.link import Link
-from rover_sweep.vehicle.run.settings import RunSettings
+from rover_sweep.vehicle.run.controls import RunSettings
 from sitl import launcher
 
 FAST = SessionRun("sweep1", Sweep(amplitude=200, w_min=5, w_max=20, t_rec=30, straight=1))

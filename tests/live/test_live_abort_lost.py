@@ -10,9 +10,9 @@ from pathlib import Path
 import pytest
 
 from rover_sweep.errors import LinkError, UsageError
+from rover_sweep.live import vehicle_source
 from rover_sweep.live.source import Ended, FetchLogs, Update
-from rover_sweep.live.vehicle import vehicle_source
-from rover_sweep.live.vehicle.vehicle_source import VehicleSource
+from rover_sweep.live.vehicle_source import VehicleSource
 from rover_sweep.vehicle.events import Notice
 
 

@@ -19,7 +19,7 @@ from counted_proxy import CountedProxy
 
 from rover_sweep.cli.main import run as rover_sweep
 from rover_sweep.session.folder import read_folder
-from rover_sweep.session.recordings import session_runs
+from rover_sweep.session.session import session_runs
 from rover_sweep.vehicle.link.mavlink import Framer
 from sitl import launcher
 from sitl.ground.unread import PeerQueue

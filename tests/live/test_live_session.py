@@ -11,18 +11,16 @@ from types import SimpleNamespace
 import pytest
 from asked_source import PLAN, READY, SETTINGS, Asked
 
-from rover_sweep.api.read import Reading, load_steered
-from rover_sweep.api.run_roles import divided
+from rover_sweep.api.read import Reading, divided, load_steered
 from rover_sweep.cli.main import run as rover_sweep
-from rover_sweep.cli.types.options import vehicle_path
+from rover_sweep.cli.options import vehicle_path
 from rover_sweep.data.vehicle_file import load as load_vehicle
 from rover_sweep.data.vehicle_geometry import geometry_of
 from rover_sweep.identification.grouping import Settings as IdentificationSettings
 from rover_sweep.identification.pipeline import identify
-from rover_sweep.live.snapshot import Snapshot
-from rover_sweep.live.source import Checked, DriveRequest, FetchLogs, Judged, Preflight
+from rover_sweep.live.source import Checked, DriveRequest, FetchLogs, Judged, Preflight, Snapshot
 from rover_sweep.session.folder import Session, read_folder
-from rover_sweep.session.recordings import session_runs
+from rover_sweep.session.session import session_runs
 from rover_sweep.vehicle.events import Connected, LogSaved, RunFinished
 from sitl import launcher
 

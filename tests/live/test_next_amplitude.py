@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from rover_sweep.data.recording import Recording
-from rover_sweep.live.verdict.run_verdict import proposed
+from rover_sweep.live.verdict import proposed
 from rover_sweep.logs import read_logs, read_runs
 from rover_sweep.manoeuvre.sweep import Sweep
 from rover_sweep.quality.coherence import judged_responses, responses
-from rover_sweep.session.dry_run import DryRun, dry_run
+from rover_sweep.session.simulated_rover import DryRun, dry_run
 from rover_sweep.spectra.amplitude import (
     WANTED_COHERENCE,
     AmplitudeProposal,

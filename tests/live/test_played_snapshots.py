@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rover_sweep.live.played.track import Track, open_track
-from rover_sweep.live.snapshot import Snapshot
+from rover_sweep.live.played_source import Track, open_track
+from rover_sweep.live.source import Snapshot
 from rover_sweep.logs import read_logs
 
 RECORDINGS = (

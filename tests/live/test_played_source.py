@@ -11,10 +11,9 @@ import pytest
 from screen import Screen
 
 from rover_sweep.errors import DataRefused, UsageError
-from rover_sweep.live.played.played_source import PlayedSource
-from rover_sweep.live.snapshot import Snapshot
-from rover_sweep.live.source import Ended, Judged, Play, Played, Preflight
-from rover_sweep.live.verdict.run_verdict import judge
+from rover_sweep.live.played_source import PlayedSource
+from rover_sweep.live.source import Ended, Judged, Play, Played, Preflight, Snapshot
+from rover_sweep.live.verdict import judge
 from rover_sweep.manoeuvre.sweep import Doublet, Sweep
 from rover_sweep.vehicle.events import Connected, RunFinished, RunStarted, Said, StateChanged
 

@@ -9,11 +9,11 @@ import pytest
 from asked_source import READY, SETTINGS, Asked
 
 from rover_sweep.live.source import DriveRequest, Judged
-from rover_sweep.live.verdict.stopped import stopped_verdict
+from rover_sweep.live.verdict import stopped_verdict
 from rover_sweep.manoeuvre.sweep import Sweep
 from rover_sweep.session.folder import read_folder
 from rover_sweep.session.session import SessionRun
-from rover_sweep.tui.model.earlier import records
+from rover_sweep.tui.model.setup import records
 from sitl import launcher
 
 PLANNED = SessionRun("sweep1", Sweep(), 2.0)

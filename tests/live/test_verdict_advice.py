@@ -13,8 +13,8 @@ import pytest
 
 from rover_sweep.data import vehicle_file
 from rover_sweep.data.recording import Recording, Signal
-from rover_sweep.live.snapshot import Verdict
-from rover_sweep.live.verdict.run_verdict import judge, verdict_on_log
+from rover_sweep.live.source import Verdict
+from rover_sweep.live.verdict import judge, verdict_on_log
 from rover_sweep.logs import read_logs, read_runs
 from rover_sweep.logs.log import Log
 
@@ -137,7 +137,7 @@ MEASURE = """
 import sys, time
 from pathlib import Path
 begun = time.process_time()
-from rover_sweep.live.verdict.run_verdict import judge
+from rover_sweep.live.verdict import judge
 verdict = judge(Path(sys.argv[1]), (0.0, 1e9), "run")
 cold = time.process_time() - begun
 judge(Path(sys.argv[1]), (0.0, 1e9), "run")

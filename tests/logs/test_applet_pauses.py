@@ -11,10 +11,10 @@ from drives import applet_rows, drive
 from flash_writer import FlashWriter
 
 from rover_sweep.data.recording import Array, Recording, Signal
-from rover_sweep.logs.judge.judgement import with_notes
+from rover_sweep.logs.find import find_runs
+from rover_sweep.logs.judgement import with_notes
 from rover_sweep.logs.log import Log, joined_steering
 from rover_sweep.logs.readers.dataflash_channels import read_dataflash
-from rover_sweep.logs.runs.find import find_runs
 from rover_sweep.manoeuvre.sweep import Sweep
 
 SWEEP = Sweep(amplitude=100, t_rec=30, w_min=0.8)

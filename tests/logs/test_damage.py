@@ -13,12 +13,12 @@ from recordings import NOMINAL
 
 from rover_sweep.errors import DataRefused
 from rover_sweep.logs import read_logs, read_runs
-from rover_sweep.logs.judge.judgement import refuse_useless
+from rover_sweep.logs.applet import applet_runs
+from rover_sweep.logs.find import find_runs
+from rover_sweep.logs.judgement import refuse_useless
 from rover_sweep.logs.log import AppletRows, Log, increasing, refuse_disorder
+from rover_sweep.logs.readers.csv_table import screened
 from rover_sweep.logs.readers.dataflash import open_parts
-from rover_sweep.logs.readers.implausible import screened
-from rover_sweep.logs.runs.applet import applet_runs
-from rover_sweep.logs.runs.find import find_runs
 from rover_sweep.manoeuvre.sweep import Manoeuvre, Sweep
 
 SWEEP: Manoeuvre = Sweep(amplitude=100, t_rec=30, w_min=0.8)

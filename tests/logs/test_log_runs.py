@@ -10,11 +10,11 @@ from drives import applet_rows, drive, log_of, signal
 from recordings import DEFAULTS, NOMINAL
 
 from rover_sweep.logs import read_logs
-from rover_sweep.logs.judge.judgement import with_notes
+from rover_sweep.logs.find import find_runs
+from rover_sweep.logs.judgement import with_notes
 from rover_sweep.logs.log import AppletRows
-from rover_sweep.logs.readers.pair import paired
-from rover_sweep.logs.runs.find import find_runs
-from rover_sweep.logs.runs.wave import kind_of
+from rover_sweep.logs.readers.vehicle_clock import paired
+from rover_sweep.logs.wave import kind_of
 from rover_sweep.manoeuvre.sweep import Doublet, Manoeuvre, Sweep
 
 SWEEP: Manoeuvre = Sweep(amplitude=100, t_rec=30, w_min=0.8)

@@ -9,8 +9,8 @@ import pytest
 from drives import drive, signal
 
 from rover_sweep.data.recording import steered
-from rover_sweep.logs.runs.find import find_runs
-from rover_sweep.logs.runs.wave import kind_of
+from rover_sweep.logs.find import find_runs
+from rover_sweep.logs.wave import kind_of
 from rover_sweep.manoeuvre.multisine import Multisine
 from rover_sweep.manoeuvre.sweep import BiasSweep, Doublet, Manoeuvre, Sweep
 from rover_sweep.quality.coherence import excited_range

@@ -5,7 +5,7 @@ from __future__ import annotations
 import tomllib
 from pathlib import Path
 
-from rover_sweep.logs.readers.column_map import parse_column_map
+from rover_sweep.logs.readers.csv_table import parse_column_map
 
 README = Path(__file__).parents[2] / "docs/formats.md"
 

@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 
 from rover_sweep.errors import DataRefused
-from rover_sweep.identification.speed.identify_speed import identify_speed
+from rover_sweep.identification.identify_speed import identify_speed
+from rover_sweep.logs.applet import throttle_runs
 from rover_sweep.logs.read import read_logs, read_runs
-from rover_sweep.logs.runs.throttle import throttle_runs
 
 SWEEP = Path(__file__).parents[1] / "data" / "ardurover-4.6.3" / "throttle" / "sweep.BIN"
 STEERED = Path(__file__).parents[1] / "data" / "ardurover-4.6.3" / "nominal" / "run1.BIN"

@@ -9,7 +9,7 @@ import pytest
 from damage import damaged
 
 from rover_sweep.data.recording import Recording
-from rover_sweep.live.verdict.run_verdict import proposed
+from rover_sweep.live.verdict import proposed
 from rover_sweep.quality.coherence import WHEEL_LOCK, assess, responses
 
 ENDS = {"SERVO1_FUNCTION": 26.0, "SERVO1_MIN": 1300.0, "SERVO1_MAX": 1750.0, "SERVO1_TRIM": 1500.0}

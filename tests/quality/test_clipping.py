@@ -12,8 +12,7 @@ from damage import NOMINAL, clipped, damaged, rewritten
 import rover_sweep as rs
 from rover_sweep.cli.main import run as program
 from rover_sweep.data.recording import Recording
-from rover_sweep.quality.clipping import CLIPPED
-from rover_sweep.quality.faults import faults_of
+from rover_sweep.quality.faults import CLIPPED, faults_of
 
 VEHICLE = NOMINAL.parents[1] / "rover.toml"
 

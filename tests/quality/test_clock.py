@@ -16,9 +16,8 @@ from rover_sweep.data.recording import Note, Recording
 from rover_sweep.logs import read_logs, read_runs
 from rover_sweep.logs.log import Log
 from rover_sweep.logs.read import runs_of
-from rover_sweep.quality.clock_rate import STRETCHED, stretched_by_arrival
 from rover_sweep.quality.faults import faults_of
-from rover_sweep.quality.relations import Relation
+from rover_sweep.quality.relations import STRETCHED, Relation, stretched_by_arrival
 
 VEHICLE = NOMINAL.parents[1] / "rover.toml"
 APPLET, TLOG = NOMINAL.parent / "applet" / "run1.BIN", NOMINAL.parent / "applet" / "run1.tlog"

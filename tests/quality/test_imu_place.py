@@ -14,11 +14,9 @@ from rover_sweep.data.geometry import Geometry
 from rover_sweep.data.recording import Recording
 from rover_sweep.data.vehicle_file import Vehicle
 from rover_sweep.data.vehicle_geometry import geometry_of
-from rover_sweep.diagnosis.result import Diagnosis
-from rover_sweep.diagnosis.settings import DiagnosisSettings
+from rover_sweep.diagnosis.result import Diagnosis, DiagnosisSettings
 from rover_sweep.identification.grouping import Settings, grouped
-from rover_sweep.identification.imu_place import wrong_place_in
-from rover_sweep.identification.pipeline import Identification, identify
+from rover_sweep.identification.pipeline import Identification, identify, wrong_place_in
 
 VEHICLE = NOMINAL.parents[1] / "rover.toml"
 NAMED = "the IMU's position has the wrong sign"

@@ -14,7 +14,7 @@ import rover_sweep as rs
 from rover_sweep.cli.main import run as program
 from rover_sweep.data.recording import Note, Recording
 from rover_sweep.quality.faults import faults_of, with_faults
-from rover_sweep.quality.kinematics import REVERSED, SCALE, UNIT
+from rover_sweep.quality.relations import REVERSED, SCALE, UNIT
 
 VEHICLE = NOMINAL.parents[1] / "rover.toml"
 DEGREES, G = 180 / np.pi, 9.80665

@@ -11,11 +11,11 @@ import rover_sweep as rs
 from rover_sweep.api.diagnosis_input import Material, diagnosed
 from rover_sweep.data.recording import Recording
 from rover_sweep.data.vehicle_geometry import geometry_of
-from rover_sweep.diagnosis.settings import DiagnosisSettings
+from rover_sweep.diagnosis.result import DiagnosisSettings
 from rover_sweep.identification.grouping import Settings
 from rover_sweep.identification.pipeline import identify
 from rover_sweep.quality.coherence import assess
-from rover_sweep.quality.length import (
+from rover_sweep.quality.faults import (
     TOO_SHORT,
     each_with_length,
     needed,

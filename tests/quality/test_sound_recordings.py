@@ -8,8 +8,7 @@ import pytest
 
 from rover_sweep.errors import DataRefused
 from rover_sweep.logs import read_runs
-from rover_sweep.quality.faults import faults_of
-from rover_sweep.quality.length import each_with_length
+from rover_sweep.quality.faults import each_with_length, faults_of
 
 DATA = Path(__file__).parents[1] / "data"
 CARS = ("dart_free_driving_2024", "umich_ardupilot_rover_circles_2017", "umich_nvidia_rover_joystick_2017")

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from rover_sweep.api.read import load_runs
-from rover_sweep.data.run_names import source_names
+from rover_sweep.data.recording import source_names
 
 NEW, OLD = "ardurover-4.6.3", "ardurover-4.5.7"
 

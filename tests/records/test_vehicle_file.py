@@ -8,10 +8,10 @@ from pathlib import Path
 
 import pytest
 
-from rover_sweep.data.material_sizes import MATERIAL
-from rover_sweep.data.tolerances import Tolerances
+from rover_sweep.data.geometry import Tolerances
 from rover_sweep.data.vehicle_file import Measured, example, load, parse, set_number
 from rover_sweep.data.vehicle_geometry import tolerances_of, with_uncertainties
+from rover_sweep.data.vehicle_rules import MATERIAL
 from rover_sweep.errors import UsageError
 
 DATA = Path(__file__).parents[1] / "data"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rover_sweep.redrive.grown_rover import grown
+from rover_sweep.redrive.recorded_course import grown
 from sitl.plant.plant import Plant
 from sitl.plant.variant import load_variant
 

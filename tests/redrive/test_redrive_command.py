@@ -11,7 +11,7 @@ import pytest
 
 from rover_sweep.cli.main import run
 from rover_sweep.logs.read import read_runs
-from rover_sweep.redrive.vehicle_variant import on_the_clock, simulated_rover
+from rover_sweep.redrive.recorded_course import on_the_clock, simulated_rover
 from sitl.plant.variant import load_variant
 from sitl.plant.variant_text import variant_text
 

@@ -15,12 +15,9 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from rover_sweep.report.charts.chart import Chart, Curve, Panel, Spread, Stack
-from rover_sweep.report.charts.embedded import chart_json, page_script
-from rover_sweep.report.charts.static_svg import svg
-from rover_sweep.report.charts.thinned import kept_points
-from rover_sweep.report.charts.ticks import ticks
-from rover_sweep.report.identification.pictures import planned
+from rover_sweep.report.charts.chart import Chart, Curve, Panel, Spread, Stack, kept_points, ticks
+from rover_sweep.report.charts.static_svg import chart_json, page_script, svg
+from rover_sweep.report.identification.page import planned
 
 
 def values(text: str) -> np.ndarray:

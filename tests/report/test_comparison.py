@@ -22,15 +22,17 @@ from rover_sweep.report.identification.comparison import (
     verification_tables,
 )
 from rover_sweep.report.identification.page import page
-from rover_sweep.report.identification.remarks import (
+from rover_sweep.report.identification.terminal import (
+    comparison,
+    conclusion,
     diagnosis_remark,
     filters_known,
     filters_remark,
     finding,
+    short_answer,
     to_do,
 )
-from rover_sweep.report.identification.terminal import comparison, conclusion, short_answer
-from rover_sweep.report.wording.number_format import band, change, number, percent, symbol
+from rover_sweep.report.wording import band, change, number, percent, symbol
 
 
 def rows(table: Table | None) -> dict[str, list[str]]:

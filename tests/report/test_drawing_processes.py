@@ -8,8 +8,8 @@ import threading
 
 import pytest
 
-from rover_sweep.report.pictures import drawing_processes
-from rover_sweep.report.pictures.drawing_processes import pngs
+from rover_sweep.report.pictures import picture as drawing_processes
+from rover_sweep.report.pictures.picture import pngs
 
 
 class Fake:

@@ -13,8 +13,14 @@ import scipy.io
 import scipy.signal
 
 from rover_sweep.cli.main import run
-from rover_sweep.report.export.exported_model import at_speed, exported_model
-from rover_sweep.report.export.source_text import json_text, mat_file, matlab_text, python_text
+from rover_sweep.report.export.exported_model import (
+    at_speed,
+    exported_model,
+    json_text,
+    mat_file,
+    matlab_text,
+    python_text,
+)
 
 W = np.geomspace(0.2, 40, 40)
 pytestmark = pytest.mark.filterwarnings("ignore:Badly conditioned")

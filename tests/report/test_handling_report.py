@@ -8,10 +8,9 @@ from typing import Any
 
 import pytest
 
-from rover_sweep.report.identification.handling_table import handling_notes, handling_table
 from rover_sweep.report.identification.identification_json import identification_document
-from rover_sweep.report.identification.remarks import to_do
-from rover_sweep.report.wording.strict_json import strict_json
+from rover_sweep.report.identification.terminal import handling_notes, handling_table, to_do
+from rover_sweep.report.wording import strict_json
 
 
 def test_document_and_table_hold_the_quantities(nominal: Any, reports: Any) -> None:

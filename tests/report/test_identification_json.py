@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from rover_sweep.report.identification.identification_json import identification_document
-from rover_sweep.report.wording.strict_json import plain, strict_json
+from rover_sweep.report.wording import plain, strict_json
 
 NOMINAL = Path(__file__).parents[1] / "data" / "ardurover-4.6.3" / "nominal"
 

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from rover_sweep.report.identification.page import page
-from rover_sweep.report.wording.number_format import number
+from rover_sweep.report.wording import number
 
 
 class Elements(HTMLParser):

@@ -13,12 +13,14 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.image import imread
 
-from rover_sweep.report.identification.pictures import planned, shown_models
-from rover_sweep.report.pictures.frequency_response import measured_responses, modelled_responses
-from rover_sweep.report.pictures.history import history
-from rover_sweep.report.pictures.picture import Picture
-from rover_sweep.report.pictures.style import MODEL_LINES
-from rover_sweep.report.pictures.verification import verification
+from rover_sweep.report.identification.page import planned, shown_models
+from rover_sweep.report.pictures.frequency_response import (
+    history,
+    measured_responses,
+    modelled_responses,
+    verification,
+)
+from rover_sweep.report.pictures.picture import MODEL_LINES, Picture
 
 
 def figures_of(case: Any) -> dict[str, Picture]:

@@ -10,9 +10,9 @@ import pytest
 
 from rover_sweep.report.charts.chart import Chart
 from rover_sweep.report.identification.comparison import Table, verification_tables
-from rover_sweep.report.identification.handling_table import handling_table
-from rover_sweep.report.identification.pictures import planned
-from rover_sweep.report.wording.shown_units import PAPER, SI
+from rover_sweep.report.identification.page import planned
+from rover_sweep.report.identification.terminal import handling_table
+from rover_sweep.report.wording import PAPER, SI
 
 FEET = 3.28084  # in 1 m
 

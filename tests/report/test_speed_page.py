@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import rover_sweep as rs
-from rover_sweep.api.speed_result import SpeedIdentification
+from rover_sweep.api.speed import SpeedIdentification
 from rover_sweep.cli.main import run
 
 DATA = Path(__file__).parents[1] / "data"

@@ -11,7 +11,7 @@ import pytest
 from phone import Phone, Point
 
 from rover_sweep.report.charts.chart import Chart, Curve, Panel, Stack
-from rover_sweep.report.charts.embedded import chart_json, page_script, page_styles
+from rover_sweep.report.charts.static_svg import chart_json, page_script, page_styles
 
 CHROMIUM = shutil.which("chromium") or shutil.which("google-chrome")
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="needs Chromium")

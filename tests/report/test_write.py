@@ -13,7 +13,7 @@ import pytest
 from rover_sweep.errors import UsageError
 from rover_sweep.files.replaced import write_file
 from rover_sweep.report.identification.identification_json import identification_document
-from rover_sweep.report.identification.report_folder import write_report
+from rover_sweep.report.identification.page import write_report
 
 
 def names(folder: Path) -> set[str]:
@@ -115,7 +115,7 @@ def test_a_failure_leaves_the_old_report_whole_or_no_identification_json(
             raise UsageError("No space left on device")
         return write_file(path, content)
 
-    monkeypatch.setattr("rover_sweep.report.identification.report_folder.write_file", full)
+    monkeypatch.setattr("rover_sweep.report.identification.page.write_file", full)
     with pytest.raises(UsageError):
         write_report(stock.result, tmp_path, stock.provenance)
     assert not (tmp_path / "identification.json").exists()

@@ -8,8 +8,7 @@ from datetime import date, timedelta
 import numpy as np
 
 from rover_sweep.data.geometry import Geometry
-from rover_sweep.season.fitted_log import FittedLog, season_model
-from rover_sweep.season.measured_log import MeasuredLog
+from rover_sweep.season.season_result import FittedLog, MeasuredLog, season_model
 
 ROVER = Geometry(
     mass=2.66,

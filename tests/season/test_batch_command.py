@@ -14,10 +14,13 @@ from pathlib import Path
 import pytest
 
 from rover_sweep.batch import measured_logs as measured_module
-from rover_sweep.batch.log_sources import log_sources
-from rover_sweep.batch.measured_logs import measured_logs
-from rover_sweep.batch.vehicle_files import VehicleFiles, read_vehicle_files
-from rover_sweep.batch.workers import workers
+from rover_sweep.batch.measured_logs import (
+    VehicleFiles,
+    log_sources,
+    measured_logs,
+    read_vehicle_files,
+    workers,
+)
 from rover_sweep.cli.main import run
 from rover_sweep.errors import DataRefused, RoverSweepError, UsageError
 from tests.season.prepared_days import vehicle_logs
@@ -46,7 +49,7 @@ def logs(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def in_threads(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("rover_sweep.batch.workers.workers", threads)
+    monkeypatch.setattr("rover_sweep.batch.measured_logs.workers", threads)
 
 
 def contents(folder: Path) -> dict[str, bytes]:
@@ -89,8 +92,10 @@ def test_each_day_is_diagnosed_once(
         asked.append(tuple(Path(s).name for s in sources))
         return {"sentence": "none: nothing is missing", "files": {"diagnosis.html": "<p>"}}
 
-    monkeypatch.setattr("rover_sweep.batch.measure._fitted", lambda *_: vehicle_logs("rover", 1, 1)[0].fit)
-    monkeypatch.setattr("rover_sweep.batch.diagnosed_days.diagnose_day", fake)
+    monkeypatch.setattr(
+        "rover_sweep.batch.measured_logs._fitted", lambda *_: vehicle_logs("rover", 1, 1)[0].fit
+    )
+    monkeypatch.setattr("rover_sweep.batch.season_of_logs.diagnose_day", fake)
     call = ["batch", str(logs), "--diagnose", "--out", str(tmp_path)]
     assert run(call) == run(call) == 0
     assert asked == [("2026-03-01.BIN",), ("2026-03-15.BIN",)]
@@ -105,7 +110,7 @@ def test_another_vehicle_file_measures_again(
     source = str(logs / "2026-03-01.BIN")
     files = VehicleFiles({"rover": (logs / "rover.toml").read_text()})
     other = VehicleFiles({"rover": files.texts["rover"] + "# lighter\n"})
-    monkeypatch.setattr("rover_sweep.batch.measure._fitted", lambda *_: None)
+    monkeypatch.setattr("rover_sweep.batch.measured_logs._fitted", lambda *_: None)
     left: list[int] = []
     with threads() as pool:
         for given in (files, files, other, VehicleFiles({}), files):
@@ -149,7 +154,7 @@ def test_dask_gives_the_same_bytes(
     distributed = pytest.importorskip("distributed")
     source = str(logs / "2026-03-01.BIN")
     assert run(["batch", source, "--out", str(tmp_path / "threads")]) == 0
-    monkeypatch.setattr("rover_sweep.batch.workers.workers", workers)
+    monkeypatch.setattr("rover_sweep.batch.measured_logs.workers", workers)
     with distributed.LocalCluster(
         1, processes=False, threads_per_worker=1, dashboard_address=":0"
     ) as cluster:

@@ -6,7 +6,7 @@ import os
 from datetime import date
 from pathlib import Path
 
-from rover_sweep.logs.recorded_day import recorded_day
+from rover_sweep.logs.read import recorded_day
 from sitl.flash_log.dataflash_writer import DataFlashWriter
 from sitl.flash_log.formats import FORMATS
 from tests.season.drawn_fleet import gps_message

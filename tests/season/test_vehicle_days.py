@@ -5,8 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 
-from rover_sweep.season.measured_log import MeasuredLog, as_document, from_document
-from rover_sweep.season.vehicle_days import by_vehicle, days_of
+from rover_sweep.season.season_result import MeasuredLog, as_document, by_vehicle, days_of, from_document
 from tests.season.prepared_days import vehicle_logs
 
 

@@ -11,14 +11,14 @@ from typing import Any
 import pytest
 
 from rover_sweep.cli.main import run
-from rover_sweep.cli.types.options import vehicle_path
+from rover_sweep.cli.options import vehicle_path
 from rover_sweep.errors import DataRefused, UsageError
-from rover_sweep.live.snapshot import Verdict
+from rover_sweep.live.source import Verdict
 from rover_sweep.manoeuvre.multisine import Multisine
 from rover_sweep.manoeuvre.sweep import BiasSweep, Doublet, Sweep, ThrottleSweep
 from rover_sweep.session.content import FetchedLog, SessionRun
 from rover_sweep.session.folder import Session, is_session, read_folder
-from rover_sweep.session.recordings import session_runs
+from rover_sweep.session.session import session_runs
 
 MISSING = object()
 PLAN = (

@@ -4,10 +4,19 @@ import numpy as np
 import pytest
 
 from rover_sweep.data.recording import Signal
-from rover_sweep.spectra.averages import hann_correlation, independent_averages
-from rover_sweep.spectra.band_limited import even_grid, sinc_interpolated
-from rover_sweep.spectra.exponentials import EvenExponentials, Exponentials
-from rover_sweep.spectra.windowed import MANY, Transformer, hann, window_spectra, window_starts
+from rover_sweep.spectra.windowed import (
+    MANY,
+    EvenExponentials,
+    Exponentials,
+    Transformer,
+    even_grid,
+    hann,
+    hann_correlation,
+    independent_averages,
+    sinc_interpolated,
+    window_spectra,
+    window_starts,
+)
 
 
 def uneven(seed: int = 0, n: int = 2500) -> dict[str, Signal]:

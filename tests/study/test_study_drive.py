@@ -5,7 +5,7 @@ import pytest
 
 from rover_sweep.data.recording import Recording
 from rover_sweep.manoeuvre.sweep import Doublet
-from rover_sweep.study.virtual_drive import Firmware, virtual_drive
+from rover_sweep.study.published import Firmware, virtual_drive
 from sitl.plant.variant import load_variant
 
 SHORT = Doublet(amplitude=100.0, pulse=1.0, pause=1.0, count=1, straight=1.0)

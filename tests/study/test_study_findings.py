@@ -4,8 +4,9 @@ from dataclasses import replace
 
 import pytest
 
-from rover_sweep.study import findings, parameter_findings
-from rover_sweep.study.overview import all_findings, outcome_counts
+from rover_sweep.study import findings
+from rover_sweep.study import findings as parameter_findings
+from rover_sweep.study.study_folder import all_findings, outcome_counts
 from rover_sweep.study.virtual_study import Study
 
 

@@ -9,13 +9,10 @@ import numpy as np
 import pytest
 
 from rover_sweep.cli.main import run as command
-from rover_sweep.report.wording.strict_json import strict_json
+from rover_sweep.report.wording import strict_json
 from rover_sweep.study import published
-from rover_sweep.study.conditions import drive_all
-from rover_sweep.study.overview import all_findings
-from rover_sweep.study.published_tables import tables
-from rover_sweep.study.study_json import study_document
-from rover_sweep.study.virtual_study import Study
+from rover_sweep.study.study_folder import all_findings, study_document
+from rover_sweep.study.virtual_study import Study, drive_all, tables
 
 
 @pytest.fixture(scope="module")

@@ -25,17 +25,16 @@ from scripted_source import (
 from textual.pilot import Pilot
 
 from rover_sweep.data.vehicle_file import load
-from rover_sweep.live.snapshot import Verdict
-from rover_sweep.live.source import Checked, Connect, Ended, Judged, Lost, Played, Preflight, Update
-from rover_sweep.live.verdict.stopped import stopped_verdict
+from rover_sweep.live.source import Checked, Connect, Ended, Judged, Lost, Played, Preflight, Update, Verdict
+from rover_sweep.live.verdict import stopped_verdict
 from rover_sweep.manoeuvre.sweep import ThrottleSweep
 from rover_sweep.session.session import SessionRun
 from rover_sweep.tui.app import SweepApp
-from rover_sweep.tui.jobs.analysis import AnalysisJob
+from rover_sweep.tui.jobs import AnalysisJob
 from rover_sweep.tui.model.setup import Setup
 from rover_sweep.vehicle import events as e
-from rover_sweep.vehicle.link.link_quality import LinkQuality
-from rover_sweep.vehicle.run.settings import RunSettings
+from rover_sweep.vehicle.link.inbox import LinkQuality
+from rover_sweep.vehicle.run.controls import RunSettings
 
 ROVER_FILE = Path(__file__).parents[1] / "data" / "rover.toml"
 SETUP = Setup(url=URL, folder=Path("session"), vehicle_path=ROVER_FILE, vehicle=load(ROVER_FILE))

@@ -7,14 +7,24 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from rover_sweep.live.snapshot import CoherenceBand, Snapshot, Verdict
-from rover_sweep.live.source import Checked, Connect, DriveRequest, Ended, Judged, Request, Update
+from rover_sweep.live.source import (
+    Checked,
+    CoherenceBand,
+    Connect,
+    DriveRequest,
+    Ended,
+    Judged,
+    Request,
+    Snapshot,
+    Update,
+    Verdict,
+)
 from rover_sweep.manoeuvre.sweep import Doublet, Sweep
 from rover_sweep.session.session import SessionRun
 from rover_sweep.vehicle import events as e
 from rover_sweep.vehicle.identity import VehicleIdentity
-from rover_sweep.vehicle.preflight.item import Check, Remedy
-from rover_sweep.vehicle.run.settings import RunSettings
+from rover_sweep.vehicle.preflight.read_rover import Check, Remedy
+from rover_sweep.vehicle.run.controls import RunSettings
 
 URL = "tcp:127.0.0.1:5760"
 ROVER = VehicleIdentity("ArduRover 4.6.3", (4, 6, 3), "3fc7011a", 1, 1)

@@ -14,10 +14,9 @@ from textual.pilot import Pilot
 
 from rover_sweep.live.source import Checked, Ended, Judged
 from rover_sweep.tui.app import SweepApp
-from rover_sweep.tui.drawn.question import Question
-from rover_sweep.tui.model.consent import bad_checks
-from rover_sweep.tui.model.setup import Setup
-from rover_sweep.vehicle.preflight.item import Check
+from rover_sweep.tui.drawn import Question
+from rover_sweep.tui.model.setup import Setup, bad_checks
+from rover_sweep.vehicle.preflight.read_rover import Check
 
 KEEP = replace(VERDICT, advice="keep", sentence="keep: coherence >= 0.6")
 KEPT: Sequence[Step] = (*DRIVEN, [*finished()[:-1], Judged(KEEP)])

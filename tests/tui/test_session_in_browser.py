@@ -14,12 +14,12 @@ import pytest
 pytest.importorskip("textual_serve")
 from aiohttp import ClientSession, WSServerHandshakeError, web
 
-from rover_sweep.cli.driving import served_session
-from rover_sweep.cli.driving.served_session import program
+from rover_sweep.cli.driving import job as served_session
+from rover_sweep.cli.driving.job import program
 from rover_sweep.cli.main import run
-from rover_sweep.files.orphans import end_with_parent
-from rover_sweep.tui.browser import session_server
-from rover_sweep.tui.browser.session_server import SessionServer
+from rover_sweep.files.replaced import end_with_parent
+from rover_sweep.tui import session_server
+from rover_sweep.tui.session_server import SessionServer
 
 
 @pytest.fixture

@@ -9,14 +9,13 @@ import numpy as np
 from rover_sweep.api.read import with_delta
 from rover_sweep.data.braille import braille_lines
 from rover_sweep.data.vehicle_file import load
-from rover_sweep.live.snapshot import ResponseCurve
-from rover_sweep.live.verdict.run_verdict import verdict_on_log
+from rover_sweep.live.source import ResponseCurve
+from rover_sweep.live.verdict import verdict_on_log
 from rover_sweep.logs.read import read_logs, runs_of
 from rover_sweep.quality.coherence import responses
-from rover_sweep.spectra.unwrapped import unwrapped_phase
-from rover_sweep.tui.drawn.drawing import ScreenRows
-from rover_sweep.tui.drawn.palette import LIGHT
-from rover_sweep.tui.screens.bode_rows import decades, draw_bode
+from rover_sweep.spectra.response import unwrapped_phase
+from rover_sweep.tui.drawn import LIGHT, ScreenRows
+from rover_sweep.tui.screens.results import decades, draw_bode
 
 DATA = Path(__file__).parents[1] / "data"
 RECORDED = DATA / "concealed-ardurover" / "a" / "run1.BIN"

@@ -13,9 +13,8 @@ from textual.command import CommandPalette
 from textual.pilot import Pilot
 
 from rover_sweep.tui.app import SweepApp
-from rover_sweep.tui.drawn.question import Question
-from rover_sweep.tui.screens.frame import VIEWS
-from rover_sweep.tui.screens.keys_help import KeysHelp
+from rover_sweep.tui.drawn import Question
+from rover_sweep.tui.screens.frame import VIEWS, KeysHelp
 
 
 async def until(app: SweepApp, words: str) -> None:

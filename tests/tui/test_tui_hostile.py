@@ -12,11 +12,20 @@ from scenes import SETUP, playing
 from scripted_source import ROVER, SWEEP, connected
 from seen import text_of
 
-from rover_sweep.live.snapshot import Snapshot, Verdict
-from rover_sweep.live.source import Checked, Connect, Ended, Judged, Lost, Preflight, Update
-from rover_sweep.tui.drawn.question import Question
+from rover_sweep.live.source import (
+    Checked,
+    Connect,
+    Ended,
+    Judged,
+    Lost,
+    Preflight,
+    Snapshot,
+    Update,
+    Verdict,
+)
+from rover_sweep.tui.drawn import Question
 from rover_sweep.vehicle import events as e
-from rover_sweep.vehicle.preflight.item import Check
+from rover_sweep.vehicle.preflight.read_rover import Check
 
 EVIL = "\x1b[2J\x1b]52;c;aGk=\x07\r\x08\x7f\x9b31m\u202e\u2028[red]x[/red]"
 TOLD: tuple[Update, ...] = (

@@ -39,12 +39,12 @@ from rover_sweep.live.source import (
 from rover_sweep.manoeuvre.sweep import ThrottleSweep
 from rover_sweep.session.session import SessionRun
 from rover_sweep.tui.app import SweepApp
-from rover_sweep.tui.drawn.question import Question
+from rover_sweep.tui.drawn import Question
 from rover_sweep.tui.model.plan_rows import Row
 from rover_sweep.tui.model.setup import Setup
 from rover_sweep.tui.screens.frame import VIEWS
 from rover_sweep.vehicle import events as e
-from rover_sweep.vehicle.link.access import Heard, SeveralVehicles
+from rover_sweep.vehicle.link.connection import Heard, SeveralVehicles
 
 READY: tuple[Step, ...] = ("enter", connected(), [Ended(Preflight())])
 DRIVEN: tuple[Step, ...] = (*READY, "3", "g", under_way())

@@ -8,22 +8,18 @@ from pathlib import Path
 
 from scripted_source import ROVER, SWEEP, TLOG, snapshot
 
-from rover_sweep.live.snapshot import CoherenceBand, Verdict
-from rover_sweep.live.source import DriveRequest, Lost, Preflight
+from rover_sweep.live.source import CoherenceBand, DriveRequest, Lost, Preflight, Verdict
 from rover_sweep.session.content import Content, DrivenRun, FetchedLog, SessionRun
-from rover_sweep.tui.drawn.palette import LIGHT
-from rover_sweep.tui.jobs.analysis import AnalysisJob
-from rover_sweep.tui.jobs.desk import Desk
-from rover_sweep.tui.jobs.summary import summary_of
-from rover_sweep.tui.model.earlier import fetched_logs, records
-from rover_sweep.tui.model.pilot import task
-from rover_sweep.tui.model.plan_rows import Row
+from rover_sweep.tui.drawn import LIGHT
+from rover_sweep.tui.jobs import AnalysisJob, Desk, summary_of
+from rover_sweep.tui.model.plan_rows import Row, task
+from rover_sweep.tui.model.setup import fetched_logs, records
 from rover_sweep.tui.model.state import AbortAsked, Asked, RunRecord, State, reduced
 from rover_sweep.tui.screens.frame import message, status
 from rover_sweep.tui.screens.plan import last_outcome
-from rover_sweep.tui.screens.verdict import why_kept
+from rover_sweep.tui.screens.run import why_kept
 from rover_sweep.vehicle.events import Connected, Rebooting
-from rover_sweep.vehicle.run.settings import RunSettings
+from rover_sweep.vehicle.run.controls import RunSettings
 
 DRIVE = DriveRequest(SessionRun("sweep1", SWEEP, 2.0), RunSettings())
 

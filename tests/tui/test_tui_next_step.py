@@ -13,7 +13,7 @@ from scripted_source import connected, finished, under_way
 from seen import text_of
 
 from rover_sweep.live.source import DriveRequest, Ended, Preflight
-from rover_sweep.tui.jobs.analysis import AnalysisJob
+from rover_sweep.tui.jobs import AnalysisJob
 
 WHY = "steering_deadband explains the runs as well as steering_backlash; sweep of 240 us at 1.4 m/s decides"
 CHOSEN = {
@@ -34,7 +34,7 @@ def answering(monkeypatch: pytest.MonkeyPatch, document: object, outcome: str = 
         started.append(job)
         yield replace(job, outcome=outcome, output=json.dumps(document), lines=("it failed",))  # type: ignore[arg-type]
 
-    monkeypatch.setattr("rover_sweep.tui.jobs.desk.run_job", ran)
+    monkeypatch.setattr("rover_sweep.tui.jobs.run_job", ran)
     return started
 
 

@@ -12,7 +12,7 @@ from rover_sweep.data.geometry import Geometry
 from rover_sweep.diagnosis.result import EffectValue
 from rover_sweep.diagnosis.simulation.augmented import AugmentedModel
 from rover_sweep.twin.correct import corrected
-from rover_sweep.twin.variant_file import variant_with_reasons
+from rover_sweep.twin.loop import variant_with_reasons
 from sitl.plant.variant import load_variant
 
 NOMINAL = load_variant("nominal")

@@ -198,7 +198,7 @@ def test_laws_of_the_variant_are_told_to_the_comparison():
 
 
 def test_together_leaves_out_what_came_back():
-    from rover_sweep.comparison.corrected import Correction
+    from rover_sweep.comparison.answer import Correction
 
     there = Correction("yaw_inertia", "1", "2", "", "there")
     back = Correction("yaw_inertia", "2", "1", "", "back")

@@ -10,7 +10,7 @@ from typing import Any
 
 from rover_sweep.errors import DataRefused
 from rover_sweep.files.documents import read_json
-from rover_sweep.vehicle.link.conversation import FORMAT, HEAD, ConversationKind, ConversationWriter
+from rover_sweep.vehicle.link.recorded_transport import FORMAT, HEAD, ConversationKind, ConversationWriter
 
 
 @dataclass(frozen=True)

@@ -17,10 +17,9 @@ from rover_sweep.session.session import SessionPlan, drive
 from rover_sweep.vehicle.events import Event, LogProgress
 from rover_sweep.vehicle.link.link import Link
 from rover_sweep.vehicle.link.transport import Line
-from rover_sweep.vehicle.logs.download import MavlinkLogs
-from rover_sweep.vehicle.run.settings import RunSettings
-from rover_sweep.vehicle.setup.install import install
-from rover_sweep.vehicle.setup.survey import survey
+from rover_sweep.vehicle.logs import MavlinkLogs
+from rover_sweep.vehicle.run.controls import RunSettings
+from rover_sweep.vehicle.setup import install, survey
 
 CONVERSATIONS = Path(__file__).parents[1] / "data" / "conversations"
 PARAMETERS = CONVERSATIONS / "identification.param"  # as they were, whatever becomes of the shipped ones

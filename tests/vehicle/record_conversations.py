@@ -38,10 +38,9 @@ from firmware_params.param_files import shipped
 from rover_sweep.session.simulated_rover import pilot
 from rover_sweep.vehicle.events import Event, StateChanged, SwitchWanted
 from rover_sweep.vehicle.identity import identify_vehicle
-from rover_sweep.vehicle.link.link import Link
+from rover_sweep.vehicle.link.link import Link, Refused
 from rover_sweep.vehicle.link.recorded_transport import RecordedLine
-from rover_sweep.vehicle.link.requests import Refused
-from rover_sweep.vehicle.parameters.read_write import write_parameter
+from rover_sweep.vehicle.parameters import write_parameter
 from rover_sweep.vehicle.run.controls import Channels, Controls, pump
 from rover_sweep.vehicle.run.right_to_move import MovementLimits, RightToMove
 from sitl.launcher import Running, start_ardurover

@@ -5,8 +5,7 @@ from __future__ import annotations
 
 from pymavlink.dialects.v20 import ardupilotmega as m
 
-from rover_sweep.vehicle.link.mavlink import Codec, Framer
-from rover_sweep.vehicle.link.signing import timestamp
+from rover_sweep.vehicle.link.mavlink import Codec, Framer, timestamp
 from rover_sweep.vehicle.link.transport import Line, LiveLine, Transport
 
 KEY, OTHER = bytes(range(32)), bytes(range(1, 33))

@@ -13,11 +13,14 @@ from fake_vehicle import FakeVehicle
 from transport_replayed import ConversationDiffers, ReplayedLine
 
 from rover_sweep.errors import DataRefused, LinkError
-from rover_sweep.vehicle.link.conversation import ConversationKind, ConversationWriter
 from rover_sweep.vehicle.link.link import Link
-from rover_sweep.vehicle.link.recorded_transport import RecordedLine, conversation_in
-from rover_sweep.vehicle.parameters.read_write import read_present
-from rover_sweep.vehicle.parameters.read_write import write_parameter as write_parameter
+from rover_sweep.vehicle.link.recorded_transport import (
+    ConversationKind,
+    ConversationWriter,
+    RecordedLine,
+    conversation_in,
+)
+from rover_sweep.vehicle.parameters import read_present, write_parameter
 
 ENTRIES = tuple(ConversationEntry(kind, 0.25 * kind, bytes(range(40 * kind))) for kind in ConversationKind)
 

@@ -16,7 +16,7 @@ from conversation_scenarios import APPLET, CONVERSATIONS, SCENARIOS, VERSIONS, c
 from transport_replayed import ConversationDiffers, ReplayedLine
 
 from rover_sweep.errors import LinkError
-from rover_sweep.vehicle.link.conversation import ConversationKind
+from rover_sweep.vehicle.link.recorded_transport import ConversationKind
 
 RECORDED = [(firmware, name) for firmware in VERSIONS for name in SCENARIOS]
 
@@ -43,7 +43,7 @@ def test_the_same_happens_as_on_the_firmware(
     firmware: str, name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     applet = APPLET.read_text(encoding="utf-8")  # a survey compares with the applet of that day
-    monkeypatch.setattr("rover_sweep.vehicle.setup.survey.applet_source", lambda: applet)
+    monkeypatch.setattr("rover_sweep.vehicle.setup.applet_source", lambda: applet)
     conversation, expected = recorded(firmware, name), then(firmware, name)
     began = time.process_time()
     try:

@@ -15,7 +15,7 @@ from pymavlink import mavutil
 
 from rover_sweep.logs.read import read_runs
 from rover_sweep.manoeuvre.sweep import Doublet, Sweep
-from rover_sweep.session.dry_run import DryRun, dry_run
+from rover_sweep.session.simulated_rover import DryRun, dry_run
 from rover_sweep.vehicle.events import LogSaved, Notice, RunFinished, SessionFinished
 from rover_sweep.vehicle.link.link import Link
 from rover_sweep.vehicle.link.streams import stream_fault
@@ -67,7 +67,7 @@ def test_two_sweeps_and_a_doublet(tmp_path: Path) -> None:
 _STATION = """
 import sys, pathlib, signal
 signal.signal(signal.SIGINT, signal.default_int_handler)
-from rover_sweep.session.dry_run import DryRun, dry_run
+from rover_sweep.session.simulated_rover import DryRun, dry_run
 from rover_sweep.vehicle.events import StateChanged
 for event in dry_run(DryRun(url=sys.argv[1], consent=True), pathlib.Path(sys.argv[2])):
     if isinstance(event, StateChanged): print(event.state, flush=True)

@@ -11,7 +11,7 @@ from rover_sweep.data.recording import Recording
 from rover_sweep.logs.read import read_runs
 from rover_sweep.manoeuvre.multisine import Multisine
 from rover_sweep.manoeuvre.sweep import BiasSweep, Doublet
-from rover_sweep.session.dry_run import DryRun, dry_run
+from rover_sweep.session.simulated_rover import DryRun, dry_run
 from rover_sweep.spectra.harmonics import Harmonics, harmonics
 from rover_sweep.vehicle.events import LogSaved, RunFinished
 

@@ -10,11 +10,11 @@ from typing import Any
 import pytest
 
 from rover_sweep.errors import LinkError
-from rover_sweep.live.telemetry import Telemetry
+from rover_sweep.live.source import Telemetry
+from rover_sweep.vehicle.link.link import remote_sizes
 from rover_sweep.vehicle.link.mavlink import make
-from rover_sweep.vehicle.link.remote_files import remote_sizes
-from rover_sweep.vehicle.logs.download import MavlinkLogs
-from rover_sweep.vehicle.parameters.read_write import read_all
+from rover_sweep.vehicle.logs import MavlinkLogs
+from rover_sweep.vehicle.parameters import read_all
 
 LIMIT = 200_000  # messages that nobody needs
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from rover_sweep.vehicle.link.ground_station import why_overrides_ignored
+from rover_sweep.vehicle.link.greeting import why_overrides_ignored
 
 
 @pytest.mark.parametrize(

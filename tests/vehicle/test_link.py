@@ -10,11 +10,11 @@ from pymavlink.dialects.v20 import ardupilotmega as m
 
 from rover_sweep.errors import LinkError, UsageError
 from rover_sweep.vehicle.identity import check_applet, identify_vehicle, untested
-from rover_sweep.vehicle.link import watch
-from rover_sweep.vehicle.link.clock import Periodic
+from rover_sweep.vehicle.link import statustext as watch
+from rover_sweep.vehicle.link.connection import Periodic
 from rover_sweep.vehicle.link.link import Link
 from rover_sweep.vehicle.link.transport import Address, parse_url
-from rover_sweep.vehicle.setup.applet_upload import reboot
+from rover_sweep.vehicle.setup import reboot
 
 
 @pytest.mark.parametrize(
@@ -137,7 +137,7 @@ def test_others_are_refused(fake: FakeVehicle, words: str, tmp_path: Path) -> No
 def test_applet_check(
     change: dict[str, float | None], words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("rover_sweep.vehicle.parameters.read_write._TIMEOUT", 0.1)
+    monkeypatch.setattr("rover_sweep.vehicle.parameters._TIMEOUT", 0.1)
     fake = FakeVehicle()
     for name, value in change.items():
         if value is None:

@@ -6,8 +6,7 @@ import random
 
 import pytest
 
-from rover_sweep.vehicle.link.link_quality import MOST_TRIES, LinkQuality
-from rover_sweep.vehicle.link.meter import LinkMeter, Sequence
+from rover_sweep.vehicle.link.inbox import MOST_TRIES, LinkMeter, LinkQuality, Sequence
 
 
 def _taken(numbers: list[int]) -> tuple[int, int]:

@@ -12,11 +12,10 @@ from air import EVER, Air
 
 from rover_sweep.errors import LinkError, UsageError
 from rover_sweep.live.source import Connect, Ended, Several, Update
-from rover_sweep.live.vehicle.vehicle_source import VehicleSource
+from rover_sweep.live.vehicle_source import VehicleSource
 from rover_sweep.logs.readers.tlog import open_tlog
-from rover_sweep.vehicle.link.access import Access, Heard
+from rover_sweep.vehicle.link.connection import HEARING, Access, Heard
 from rover_sweep.vehicle.link.link import Link
-from rover_sweep.vehicle.link.roll_call import HEARING
 
 Kind = TypeVar("Kind")
 BOTH = {1: (0.1, EVER), 7: (0.9, EVER)}

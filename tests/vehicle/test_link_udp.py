@@ -10,7 +10,7 @@ from pathlib import Path
 
 from greeted import heartbeat
 
-from rover_sweep.vehicle.link.access import Access
+from rover_sweep.vehicle.link.connection import Access
 from rover_sweep.vehicle.link.link import Link
 
 

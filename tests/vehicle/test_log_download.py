@@ -10,11 +10,10 @@ import pytest
 from fake_vehicle import FakeVehicle
 
 from rover_sweep.errors import LinkError, UsageError
+from rover_sweep.vehicle import logs as download
 from rover_sweep.vehicle.events import LogProgress, LogSaved
 from rover_sweep.vehicle.link.link import Link
-from rover_sweep.vehicle.logs import download
-from rover_sweep.vehicle.logs.download import LogEntry, MavlinkLogs
-from rover_sweep.vehicle.logs.fetch import chosen_logs, settled
+from rover_sweep.vehicle.logs import LogEntry, MavlinkLogs, chosen_logs, settled
 
 
 def test_byte_identical_although_blocks_are_lost(

@@ -11,15 +11,13 @@ from fake_vehicle import FakeVehicle
 
 from firmware_params.param_files import Difference, compare, parse
 from rover_sweep.errors import LinkError
+from rover_sweep.vehicle import parameters as read_write
 from rover_sweep.vehicle.events import Event, Notice, ParameterSet, Rebooting
 from rover_sweep.vehicle.link.link import Link
-from rover_sweep.vehicle.parameters import read_write
-from rover_sweep.vehicle.preflight.item import Check, Remedy
-from rover_sweep.vehicle.preflight.remedies import carry_out
-from rover_sweep.vehicle.setup.install import install
-from rover_sweep.vehicle.setup.pending_reboot import NOTE
-from rover_sweep.vehicle.setup.push import awaiting_reboot, needs_reboot, push
-from rover_sweep.vehicle.sources import parameter_source
+from rover_sweep.vehicle.logs import parameter_source
+from rover_sweep.vehicle.preflight.read_rover import Check, Remedy
+from rover_sweep.vehicle.preflight.readiness import carry_out
+from rover_sweep.vehicle.setup import NOTE, awaiting_reboot, install, needs_reboot, push
 
 WANTED = parse("INS_GYRO_FILTER 20\nSCHED_LOOP_RATE 400 # [reboot]\nSWP_WMIN 0.1\nSCR_ENABLE 0\nNOT_THERE 1")
 

@@ -11,14 +11,19 @@ import pytest
 from firmware_params.applet_parameters import PARAMETERS
 from firmware_params.param_files import read, shipped
 from rover_sweep.vehicle.identity import VehicleIdentity
-from rover_sweep.vehicle.link.link_quality import LinkQuality
+from rover_sweep.vehicle.link.inbox import LinkQuality
 from rover_sweep.vehicle.link.streams import IDENTIFICATION_RATES, Stream, StreamQuality
-from rover_sweep.vehicle.preflight.all_checks import NAMES, all_checks
-from rover_sweep.vehicle.preflight.clock_comparison import estimate
-from rover_sweep.vehicle.preflight.item import Check
-from rover_sweep.vehicle.preflight.observed import Battery, ClockComparison, Estimator, Gps, Observation
-from rover_sweep.vehicle.setup.applet_upload import AppletFile
-from rover_sweep.vehicle.setup.survey import AppletState, Survey, SurveyedParameter
+from rover_sweep.vehicle.preflight.read_rover import (
+    Battery,
+    Check,
+    ClockComparison,
+    Estimator,
+    Gps,
+    Observation,
+    estimate,
+)
+from rover_sweep.vehicle.preflight.readiness import NAMES, all_checks
+from rover_sweep.vehicle.setup import AppletFile, AppletState, Survey, SurveyedParameter
 
 WANTED = read(shipped("identification"))
 HAS = (

@@ -19,7 +19,7 @@ from rover_sweep.errors import UsageError
 from rover_sweep.session.folder import Session
 from rover_sweep.vehicle.link.link import Link
 from rover_sweep.vehicle.link.mavlink import Codec, Framer, make
-from rover_sweep.vehicle.link.recorder import TlogWriter
+from rover_sweep.vehicle.link.recorded_transport import TlogWriter
 
 
 def _heartbeat(codec: Codec) -> bytes:
@@ -185,7 +185,7 @@ def test_a_link_goes_on_without_a_recording(
         raise OSError(errno.ENOSPC, "No space left on device")
 
     with Link.open(vehicle.url, tmp_path / "a.tlog") as link:
-        monkeypatch.setattr("rover_sweep.vehicle.link.recorder._write_all", full)
+        monkeypatch.setattr("rover_sweep.vehicle.link.recorded_transport._write_all", full)
         with pytest.raises(UsageError, match="No space left"):
             for _ in range(200):
                 link.receive(1.0)

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as m
 
-from rover_sweep.vehicle.link.clock import VehicleClock
+from rover_sweep.vehicle.link.connection import VehicleClock
 from rover_sweep.vehicle.run import right_to_move
 from rover_sweep.vehicle.run.right_to_move import MovementLimits, RightToMove
 

@@ -23,7 +23,7 @@ from rover_sweep.vehicle.events import (
     SwitchWanted,
 )
 from rover_sweep.vehicle.link.link import Link
-from rover_sweep.vehicle.run.settings import RunSettings
+from rover_sweep.vehicle.run.controls import RunSettings
 
 DRIVE = RunSettings(arm=True, throttle_us=1710, trigger="override", patience=20)
 TWO = (SessionRun("one", Doublet()), SessionRun("two", Doublet()))
@@ -31,7 +31,7 @@ TWO = (SessionRun("one", Doublet()), SessionRun("two", Doublet()))
 
 @pytest.fixture(autouse=True)
 def quick(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("rover_sweep.vehicle.parameters.read_write._TIMEOUT", 0.2)
+    monkeypatch.setattr("rover_sweep.vehicle.parameters._TIMEOUT", 0.2)
     monkeypatch.setattr(session, "await_estimator", lambda _: iter(()))
 
 

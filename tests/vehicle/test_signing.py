@@ -14,13 +14,12 @@ from signing_vehicle import KEY, OTHER, SigningLine
 
 from rover_sweep.errors import LinkError, UsageError
 from rover_sweep.vehicle.identity import identify_vehicle
-from rover_sweep.vehicle.link.access import Access
+from rover_sweep.vehicle.link.connection import Access
 from rover_sweep.vehicle.link.greeting import Greeting
+from rover_sweep.vehicle.link.inbox import Refusals
 from rover_sweep.vehicle.link.link import Link
-from rover_sweep.vehicle.link.mavlink import Codec, make
-from rover_sweep.vehicle.link.refusals import Refusals
-from rover_sweep.vehicle.link.signing import SigningKey, read_key, signs, timestamp
-from rover_sweep.vehicle.parameters.read_write import read_parameter, write_parameter
+from rover_sweep.vehicle.link.mavlink import Codec, SigningKey, make, read_key, signs, timestamp
+from rover_sweep.vehicle.parameters import read_parameter, write_parameter
 
 RIGHT, WRONG = Access(key=SigningKey(KEY)), Access(key=SigningKey(OTHER))
 NOW = 1.7e9  # s of UTC

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from rover_sweep.logs.readers.dropped import dropped_messages
+from rover_sweep.logs.readers.vehicle_clock import dropped_messages
 from rover_sweep.vehicle.link.streams import StreamQuality
-from rover_sweep.vehicle.preflight.arrival import arrival_clock
-from rover_sweep.vehicle.preflight.observed import ClockComparison
-from rover_sweep.vehicle.preflight.telemetry_quality import telemetry_words
+from rover_sweep.vehicle.preflight.rates import telemetry_words
+from rover_sweep.vehicle.preflight.read_rover import ClockComparison
+from rover_sweep.vehicle.preflight.readiness import arrival_clock
 
 FIRMWARE = Path(__file__).parents[1] / "data" / "ardurover-4.6.3" / "nominal"
 SPAN = (50.0, 100.0)  # s, within the sweep of run1

@@ -9,11 +9,10 @@ from fake_vehicle import FakeVehicle
 from pymavlink.dialects.v20 import ardupilotmega as m
 
 from rover_sweep.errors import LinkError, UsageError
-from rover_sweep.manoeuvre.applet_values import parameters_of
-from rover_sweep.manoeuvre.sweep import Doublet, Sweep
+from rover_sweep.manoeuvre.sweep import Doublet, Sweep, parameters_of
+from rover_sweep.vehicle import parameters as read_write
 from rover_sweep.vehicle.link.link import Link
-from rover_sweep.vehicle.parameters import read_write
-from rover_sweep.vehicle.parameters.read_write import (
+from rover_sweep.vehicle.parameters import (
     await_booted,
     float32,
     read_all,

@@ -12,7 +12,7 @@ from pymavlink.dialects.v20 import ardupilotmega as m
 
 from rover_sweep.errors import LinkError, UsageError
 from rover_sweep.manoeuvre.sweep import Doublet
-from rover_sweep.session.dry_run import DryRun, dry_run
+from rover_sweep.session.simulated_rover import DryRun, dry_run
 from rover_sweep.vehicle.events import (
     Armed,
     Event,
@@ -23,20 +23,19 @@ from rover_sweep.vehicle.events import (
     StateChanged,
     SwitchWanted,
 )
-from rover_sweep.vehicle.link import watch
+from rover_sweep.vehicle.link import statustext as watch
 from rover_sweep.vehicle.link.link import Link
 from rover_sweep.vehicle.link.streams import stream_fault
 from rover_sweep.vehicle.run import one_run as run_module
-from rover_sweep.vehicle.run.controls import Controls
+from rover_sweep.vehicle.run.controls import Controls, RunSettings
 from rover_sweep.vehicle.run.one_run import one_run
-from rover_sweep.vehicle.run.settings import RunSettings
 
 DRIVE = RunSettings(arm=True, throttle_us=1710, trigger="override", patience=20)
 
 
 @pytest.fixture(autouse=True)
 def short_timeout(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("rover_sweep.vehicle.parameters.read_write._TIMEOUT", 0.2)
+    monkeypatch.setattr("rover_sweep.vehicle.parameters._TIMEOUT", 0.2)
     monkeypatch.setattr("rover_sweep.vehicle.run.controls.INSISTS", 2.0)
 
 
@@ -165,7 +164,7 @@ def test_a_full_disk_ends_the_run_after_letting_go(
     events = _run(link, tmp_path)
     _until_state(events, 6)
     assert vehicle.rc(THROTTLE) == 1710
-    monkeypatch.setattr("rover_sweep.vehicle.link.recorder._write_all", full)
+    monkeypatch.setattr("rover_sweep.vehicle.link.recorded_transport._write_all", full)
     with pytest.raises(UsageError, match="doublet.tlog cannot be written .No space left"):
         list(events)
     assert wait_until(lambda: _is_let_go(vehicle), 5)

@@ -17,8 +17,8 @@ from typing import Any
 from conversation_file import Conversation
 
 from rover_sweep.errors import LinkError
-from rover_sweep.vehicle.link.conversation import ConversationKind
 from rover_sweep.vehicle.link.mavlink import Codec, kind
+from rover_sweep.vehicle.link.recorded_transport import ConversationKind
 from rover_sweep.vehicle.link.transport import Transport
 
 _SLACK = 0.05  # s: a wait here may end that much before it did then, since the code itself takes no time

@@ -19,10 +19,10 @@ from rover_sweep.errors import LinkError
 from rover_sweep.session.session import start_streams
 from rover_sweep.vehicle.events import StreamsSet
 from rover_sweep.vehicle.identity import check_applet, identify_vehicle
+from rover_sweep.vehicle.link.inbox import BadLink
 from rover_sweep.vehicle.link.link import Link
-from rover_sweep.vehicle.link.link_quality import BadLink
-from rover_sweep.vehicle.parameters.read_write import read_all, write_parameter
-from rover_sweep.vehicle.preflight.all_checks import preflight
+from rover_sweep.vehicle.parameters import read_all, write_parameter
+from rover_sweep.vehicle.preflight.readiness import preflight
 from sitl.ground.ground_session import GroundLink
 
 SLOWER = {  # than a good link, and no wrong word

@@ -12,8 +12,8 @@ from virtual_pipe import FAIR, Weather
 from virtual_run import played, session_played
 from virtual_world import At, Phase
 
-from rover_sweep.vehicle.link.clock import VehicleClock
-from rover_sweep.vehicle.run.reboot_watch import RebootWatch
+from rover_sweep.vehicle.link.connection import VehicleClock
+from rover_sweep.vehicle.run.follow import RebootWatch
 
 
 @pytest.mark.parametrize("phase", ["waiting", "straight", "sweep"])

@@ -12,7 +12,7 @@ from virtual_world import At, Phase
 
 from rover_sweep.errors import UsageError
 from rover_sweep.logs.readers.tlog import open_tlog
-from rover_sweep.vehicle.link.access import Access
+from rover_sweep.vehicle.link.connection import Access
 
 
 def whole(outcome: Outcome) -> None:

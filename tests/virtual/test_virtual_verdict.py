@@ -11,8 +11,8 @@ from virtual_pipe import FAIR, Weather
 from virtual_run import SWEEP, played
 from virtual_world import At
 
-from rover_sweep.live.snapshot import Verdict
-from rover_sweep.live.verdict.run_verdict import judge
+from rover_sweep.live.source import Verdict
+from rover_sweep.live.verdict import judge
 
 LONG = replace(SWEEP, t_rec=20.0)
 

@@ -26,11 +26,11 @@ from rover_sweep.manoeuvre.sweep import Manoeuvre, Sweep
 from rover_sweep.session.content import SessionRun
 from rover_sweep.session.session import SessionPlan, drive, start_streams
 from rover_sweep.vehicle.events import Event, Interrupted, Notice, RunFinished, RunStarted
-from rover_sweep.vehicle.link import recorder
-from rover_sweep.vehicle.link.access import Access
+from rover_sweep.vehicle.link import recorded_transport as recorder
+from rover_sweep.vehicle.link.connection import Access
 from rover_sweep.vehicle.link.link import Link
+from rover_sweep.vehicle.run.controls import RunSettings
 from rover_sweep.vehicle.run.one_run import one_run
-from rover_sweep.vehicle.run.settings import RunSettings
 
 SWEEP = Sweep(amplitude=100, w_min=3, w_max=20, t_rec=8, fade=0.5, dwell=0.5, straight=1)
 LIMITS = {"gcs": 1.0, "v_min": 1.0, "v_max": 5.0, "still": 1.0}

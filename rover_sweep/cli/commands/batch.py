@@ -52,8 +52,8 @@ def batch(
     servo lag, delay, play, trim, inertia and instruments are compared from day to day. A log that cannot be
     used is listed with the reason.
     """
-    from rover_sweep.cli.driving.show_season import BatchCall, show_season
-    from rover_sweep.cli.types.folders import check_writable
+    from rover_sweep.cli.driving.shown_results import BatchCall, show_season
+    from rover_sweep.cli.options import check_writable
     from rover_sweep.errors import UsageError
 
     if scheduler and workers:

@@ -11,18 +11,16 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from rover_sweep.cli.types.options import NumbersType, vehicle_path
-from rover_sweep.cli.types.vehicle_link import URL_HELP
-from rover_sweep.cli.types.which_vehicle import access_options
+from rover_sweep.cli.options import NumbersType, vehicle_path
+from rover_sweep.cli.vehicle_link import URL_HELP, access_options
 from rover_sweep.cli.views.output import echo, echo_json
 from rover_sweep.errors import RoverSweepError, UsageError
 
 if TYPE_CHECKING:
-    from rover_sweep.bench.bench_folder import BenchFolder
-    from rover_sweep.bench.bench_result import BenchResult
+    from rover_sweep.bench.bench_folder import BenchFolder, BenchResult
     from rover_sweep.bench.drive import BenchPlan, WheelSource
     from rover_sweep.data.vehicle_file import Measured
-    from rover_sweep.vehicle.link.access import Access
+    from rover_sweep.vehicle.link.connection import Access
 
 STEPS = (50.0, 100.0, 150.0)
 
@@ -108,7 +106,7 @@ def bench(
     rover-sweep bench --from bench --vehicle rover.toml --wheel-imu wheel.csv
     """
     from rover_sweep.bench.bench_folder import BenchFolder
-    from rover_sweep.cli.types.folders import session_folder
+    from rover_sweep.cli.options import session_folder
     from rover_sweep.data.vehicle_file import load
 
     path = Path(vehicle_path(vehicle_file))
@@ -147,8 +145,7 @@ def _wheel(text: str | None, clock: str | None) -> WheelSource | None:
 def _plan(
     steps: tuple[float, ...], hand: bool, ramp: bool, wheel: WheelSource | None, unasked: bool
 ) -> BenchPlan:
-    from rover_sweep.bench.drive import BenchPlan
-    from rover_sweep.bench.programme import programme
+    from rover_sweep.bench.drive import BenchPlan, programme
 
     if not unasked and not sys.stdin.isatty():
         raise UsageError("bench asks before each movement, but stdin is not a terminal; run it in a terminal")
@@ -158,8 +155,7 @@ def _plan(
 def _driven(url: str, access: Access, folder: BenchFolder, plan: BenchPlan) -> bool:
     """True if all movements were carried out. Before an error leaves, prints where the recording is."""
     from rover_sweep.bench.drive import drive_bench
-    from rover_sweep.cli.views.bench_prompts import Terminal
-    from rover_sweep.cli.views.interruption import let_go_on_signals
+    from rover_sweep.cli.views.asking import Terminal, let_go_on_signals
     from rover_sweep.vehicle.link.transport import parse_url
 
     parse_url(url)
@@ -189,13 +185,13 @@ def _evaluated(
 
 
 def _write(path: Path, result: BenchResult) -> dict[str, Measured]:
-    from rover_sweep.bench.into_file import write_bench_numbers
+    from rover_sweep.bench.bench_folder import write_bench_numbers
 
     return write_bench_numbers(path, result)
 
 
 def _print(result: BenchResult, written: dict[str, Measured], folder: BenchFolder, path: Path) -> None:
-    from rover_sweep.cli.views.paragraphs import bullet
+    from rover_sweep.cli.views.display import bullet
 
     echo(f"Steering on blocks, {result.source}, {result.samples} samples, {folder.path}\n")
     for number in result.numbers:

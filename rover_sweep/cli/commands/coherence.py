@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from rover_sweep.cli.types.options import NumberRange, filter_overrides, reading_options
+from rover_sweep.cli.options import NumberRange, filter_overrides, reading_options
 from rover_sweep.cli.views.output import echo_json
 
 if TYPE_CHECKING:
@@ -56,7 +56,7 @@ def coherence(
     """
     from rover_sweep.api.read import load_runs
     from rover_sweep.data.vehicle_file import load
-    from rover_sweep.quality.length import each_with_length
+    from rover_sweep.quality.faults import each_with_length
 
     vehicle = load(vehicle_file) if vehicle_file else None
     filters = filter_overrides(gyro_filter, accel_filter)
@@ -89,8 +89,7 @@ def _judged(
     run: Recording, parameters: Mapping[str, float], vehicle: Vehicle | None, servo: float | None
 ) -> tuple[CoherenceVerdict, AmplitudeProposal]:
     """The coherence verdict and the amplitude for the next run, as `session` shows them after a run."""
-    from rover_sweep.live.verdict.keep_or_repeat import advice
-    from rover_sweep.live.verdict.run_verdict import proposed
+    from rover_sweep.live.verdict import advice, proposed
     from rover_sweep.quality.coherence import assess, responses
     from rover_sweep.quality.faults import is_unexcited
     from rover_sweep.spectra.amplitude import AmplitudeProposal

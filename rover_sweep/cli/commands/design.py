@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 from click.core import ParameterSource
 
-from rover_sweep.cli.types.options import NumberRange
+from rover_sweep.cli.options import NumberRange
 from rover_sweep.cli.views.output import echo
 
 if TYPE_CHECKING:
@@ -118,7 +118,7 @@ def design(
     from rover_sweep.data.vehicle_file import load
     from rover_sweep.design.advice import refuse_nonsense, with_advice
     from rover_sweep.design.demand import make_design
-    from rover_sweep.manoeuvre.applet_values import parameters_of
+    from rover_sweep.manoeuvre.sweep import parameters_of
 
     vehicle = load(vehicle_path) if vehicle_path else None
     if speed and vehicle:
@@ -137,7 +137,7 @@ def design(
     refuse_nonsense(planned)
     planned = with_advice(planned, servo)
     if plot:
-        from rover_sweep.cli.views.design_picture import draw_design
+        from rover_sweep.cli.views.design_summary import draw_design
 
         draw_design(planned, vehicle, Path(plot))
         echo(f"picture written to {plot}", err=True)
@@ -150,7 +150,7 @@ def design(
 
 def _say_assumed(ctx: click.Context) -> None:
     """Name the settings of the rover that were not given."""
-    from rover_sweep.cli.views.paragraphs import fact
+    from rover_sweep.cli.views.display import fact
 
     assumed = [n for n in _SETTINGS if ctx.get_parameter_source(n) is ParameterSource.DEFAULT]
     if assumed:

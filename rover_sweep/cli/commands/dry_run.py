@@ -7,16 +7,15 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from rover_sweep.cli.driving.simulated_vehicle import SIMULATORS, rover_text, truth_view, variants, vehicle_in
-from rover_sweep.cli.types.manoeuvres import ManoeuvreType
-from rover_sweep.cli.types.options import NumberRange, output_options
-from rover_sweep.cli.types.which_vehicle import access_options
+from rover_sweep.cli.driving.simulated import SIMULATORS, rover_text, truth_view, variants, vehicle_in
+from rover_sweep.cli.options import NumberRange, output_options
+from rover_sweep.cli.vehicle_link import ManoeuvreType, access_options
 from rover_sweep.errors import UsageError
 from rover_sweep.manoeuvre.multisine import Multisine
 from rover_sweep.manoeuvre.sweep import BiasSweep
 
 if TYPE_CHECKING:
-    from rover_sweep.vehicle.link.access import Access
+    from rover_sweep.vehicle.link.connection import Access
 
 
 @click.command(name="dry-run")
@@ -141,9 +140,9 @@ def dry_run(
     writes a report.
     """
     from rover_sweep.cli.driving.session_display import identify_session, show_session
-    from rover_sweep.cli.types.folders import session_folder
-    from rover_sweep.session.dry_run import DryRun
-    from rover_sweep.session.dry_run import dry_run as drive
+    from rover_sweep.cli.options import session_folder
+    from rover_sweep.session.simulated_rover import DryRun
+    from rover_sweep.session.simulated_rover import dry_run as drive
 
     if connect and not rover_file:
         raise UsageError("--connect needs --rover-file: the masses and lengths of that vehicle")

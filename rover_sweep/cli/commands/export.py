@@ -7,12 +7,10 @@ from typing import Any
 
 import click
 
-from rover_sweep.cli.types.options import NumberRange
-from rover_sweep.cli.types.text_file import refuse_input
+from rover_sweep.cli.options import NumberRange, refuse_input
 from rover_sweep.cli.views.output import echo
 from rover_sweep.errors import DataRefused, UsageError
-from rover_sweep.files.documents import read_json
-from rover_sweep.files.printable import printable_lines
+from rover_sweep.files.documents import printable_lines, read_json
 
 FORMATS = {".json": "json", ".m": "matlab", ".py": "python", ".mat": "mat"}
 JUDGED_GOOD = ("good", "acceptable", "none", "explained")
@@ -94,7 +92,7 @@ def export(
 
 def _plant(place: Path, other: tuple[object, ...], output: str) -> None:
     """Write the diagnosed model as a variant of the simulated rover (TOML)."""
-    from rover_sweep.api.export import diagnosis_file, read_augmented_model
+    from rover_sweep.api.simulate import diagnosis_file, read_augmented_model
     from rover_sweep.report.export.plant_variant import variant_text
 
     if any(option is not None for option in other):
@@ -112,7 +110,7 @@ def _plant(place: Path, other: tuple[object, ...], output: str) -> None:
 
 def _rover(place: Path, script: str | None, fmu: str | None, other: tuple[object, ...]) -> None:
     """Write the simulated rover of a variant as a Python file, an FMU, or both."""
-    from rover_sweep.cli.driving.exported_rover import rover_at, rover_fmu, rover_script
+    from rover_sweep.cli.driving.simulated import rover_at, rover_fmu, rover_script
 
     if any(option is not None for option in other):
         raise UsageError(
@@ -127,7 +125,7 @@ def _rover(place: Path, script: str | None, fmu: str | None, other: tuple[object
 
 def _model(place: Path, name: str | None, speed: float | None) -> dict[str, Any]:
     """The identified model of a report, else the linear part of a diagnosed one."""
-    from rover_sweep.api.export import diagnosis_file, exported
+    from rover_sweep.api.simulate import diagnosis_file, exported
 
     folder = _report(place)
     found = diagnosis_file(place)
@@ -164,7 +162,7 @@ def _by_suffix(output: str) -> str:
 
 
 def _content(model: dict[str, Any], form: str) -> str | bytes:
-    from rover_sweep.report.export import source_text
+    from rover_sweep.report.export import exported_model as source_text
 
     match form:
         case "matlab":

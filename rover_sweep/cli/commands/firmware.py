@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from rover_sweep.cli.types.vehicle_link import connect_option, unkept_link
+from rover_sweep.cli.vehicle_link import connect_option, unkept_link
 from rover_sweep.cli.views.asking import confirmed, reboot_consent
 from rover_sweep.errors import UsageError
 
@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     from rich.console import RenderableType
 
     from firmware_params.param_files import WantedParameter
-    from rover_sweep.vehicle.link.access import Access
-    from rover_sweep.vehicle.setup.survey import Survey, SurveyedParameter
+    from rover_sweep.vehicle.link.connection import Access
+    from rover_sweep.vehicle.setup import Survey, SurveyedParameter
 
 NAMES = ("identification", "raw_imu")
 _output = click.option("-o", "--output", default="-", metavar="FILE", help="File to write. [default: stdout]")
@@ -34,7 +34,7 @@ def firmware() -> None:
 def applet(output: str) -> None:
     """Write the Lua applet; copy it to APM/scripts on the autopilot's SD card."""
     from firmware_params.applet_parameters import applet_source
-    from rover_sweep.cli.types.text_file import write_text
+    from rover_sweep.cli.options import write_text
 
     write_text(output, applet_source())
 
@@ -45,7 +45,7 @@ def applet(output: str) -> None:
 def params(name: str, output: str) -> None:
     """Write a parameter file for any ground station: identification, or raw_imu in addition to it."""
     from firmware_params.param_files import shipped
-    from rover_sweep.cli.types.text_file import write_text
+    from rover_sweep.cli.options import write_text
 
     write_text(output, shipped(name).read_text(encoding="utf-8"))
 
@@ -58,7 +58,7 @@ def check(name: str, connect: str, access: Access) -> int:
 
     Exit code 0 if everything matches, 1 if not.
     """
-    from rover_sweep.vehicle.setup.survey import survey
+    from rover_sweep.vehicle.setup import survey
 
     with unkept_link(connect, access) as link:
         found = survey(link, _wanted(name))
@@ -79,8 +79,8 @@ def install(name: str, connect: str, access: Access, yes: bool) -> int:
     from firmware_params.applet_parameters import applet_path
     from rover_sweep.cli.views.display import PlainDisplay
     from rover_sweep.cli.views.output import narration
-    from rover_sweep.vehicle.setup.install import install as bring
-    from rover_sweep.vehicle.setup.survey import survey
+    from rover_sweep.vehicle.setup import install as bring
+    from rover_sweep.vehicle.setup import survey
 
     if not yes and not sys.stdin.isatty():
         raise UsageError("cannot ask, stdin is not a terminal; give --yes to install without questions")

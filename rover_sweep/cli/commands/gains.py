@@ -8,16 +8,15 @@ from typing import TYPE_CHECKING
 
 import click
 
-from rover_sweep.cli.types.options import NumberRange
-from rover_sweep.cli.types.text_file import refuse_input
-from rover_sweep.cli.types.which_vehicle import access_options
+from rover_sweep.cli.options import NumberRange, refuse_input
+from rover_sweep.cli.vehicle_link import access_options
 from rover_sweep.errors import LinkError, UsageError
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from rover_sweep.api.all_gains import AllGains
-    from rover_sweep.vehicle.link.access import Access
+    from rover_sweep.api.speed import AllGains
+    from rover_sweep.vehicle.link.connection import Access
 
 
 @click.command(short_help="Compute steering and speed gains for the autopilot from identified models.")
@@ -81,7 +80,7 @@ def gains(
     Nothing is changed on a vehicle. Load the file with a ground station, and test it first with the wheels
     off the ground; load undo-gains.param to undo it.
     """
-    from rover_sweep.api.all_gains import all_gains
+    from rover_sweep.api.speed import all_gains
     from rover_sweep.cli.views.output import echo_json, narration, results
 
     if out is not None:
@@ -92,8 +91,7 @@ def gains(
     if as_json:
         echo_json(json.dumps(both.document, indent=2))
     else:
-        from rover_sweep.cli.views.gains_table import show_gains
-        from rover_sweep.cli.views.speed_table import show_speed_gains
+        from rover_sweep.cli.views.gains_table import show_gains, show_speed_gains
 
         if both.steering is not None:
             show_gains(results(), both.steering, both.limits)
@@ -114,10 +112,10 @@ def _current_parameters(now: str | None, url: str | None, access: Access) -> Map
 
 def _parameters_over(url: str, access: Access) -> dict[str, float]:
     """The parameters of steering and speed read from a vehicle; nothing is written to it."""
-    from rover_sweep.cli.types.vehicle_link import unkept_link
+    from rover_sweep.cli.vehicle_link import unkept_link
     from rover_sweep.gains.speed_chain import SPEED_DEFAULTS
     from rover_sweep.gains.steering_chain import DEFAULTS, SERVO_DEFAULTS, SERVO_OUTPUTS
-    from rover_sweep.vehicle.parameters.read_write import read_present
+    from rover_sweep.vehicle.parameters import read_present
 
     names = (
         set(DEFAULTS)

@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from rover_sweep.cli.types.folders import check_report_folder
-from rover_sweep.cli.types.options import (
+from rover_sweep.cli.options import (
     OUTPUTS,
     BandType,
     ChoicesType,
     NumberRange,
     NumbersType,
+    check_report_folder,
     filter_overrides,
     output_options,
     reading_options,
@@ -22,7 +22,7 @@ from rover_sweep.cli.types.options import (
 from rover_sweep.errors import DataRefused, UsageError
 
 if TYPE_CHECKING:
-    from rover_sweep.identification.speed.identify_speed import SpeedResult
+    from rover_sweep.identification.identify_speed import SpeedResult
 
 MODELS = ("bicycle", "roll-yaw", "lumped")
 REPLACED = ("report.html", "speed.html", "pictures/*", "models/*")  # by a new report
@@ -150,12 +150,9 @@ def identify(
     unless --verify names other runs. Throttle sweeps are recognised, and identified into
     DIR/speed.html and DIR/speed.json.
     """
-    from rover_sweep.api.identify_settings import parameter_names
-    from rover_sweep.api.read import Reading, load_steered
-    from rover_sweep.api.run_roles import fitted_and_verified
-    from rover_sweep.api.structure_files import load_structures
-    from rover_sweep.cli.driving.show_identified import show_identified
-    from rover_sweep.cli.driving.show_speed import add_steering
+    from rover_sweep.api.identify import parameter_names
+    from rover_sweep.api.read import Reading, fitted_and_verified, load_steered, load_structures
+    from rover_sweep.cli.driving.shown_results import add_steering, show_identified
     from rover_sweep.data.vehicle_file import load as load_vehicle
     from rover_sweep.identification.grouping import Settings
 
@@ -193,7 +190,7 @@ def _of_throttle(
 ) -> tuple[SpeedResult | None, tuple[str, ...]]:
     """Identify the speed from the throttle sweeps among the runs; the runs that are not of these alone."""
     from rover_sweep.api.speed import throttle_sweeps
-    from rover_sweep.cli.driving.show_speed import show_speed
+    from rover_sweep.cli.driving.shown_results import show_speed
 
     swept = throttle_sweeps(runs)
     if not swept:

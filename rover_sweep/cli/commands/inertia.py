@@ -21,10 +21,9 @@ from rover_sweep.bench.swing_test import (
     remarks,
     rounded,
 )
-from rover_sweep.cli.types.options import NumberRange
-from rover_sweep.cli.types.uncertain_number import MeasuredType, TimesType
+from rover_sweep.cli.options import MeasuredType, NumberRange, TimesType
+from rover_sweep.cli.views.display import bullet
 from rover_sweep.cli.views.output import echo, echo_json
-from rover_sweep.cli.views.paragraphs import bullet
 from rover_sweep.data.plausibility import ROLL_GYRATION, YAW_GYRATION
 from rover_sweep.data.vehicle_file import Measured, Vehicle, load, set_number
 from rover_sweep.errors import DataRefused, UsageError

@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING
 
 import click
 
-from rover_sweep.cli.types.vehicle_link import connect_option, json_option, unkept_link, via_option
+from rover_sweep.cli.options import filter_overrides, reading_options, refuse_input
+from rover_sweep.cli.vehicle_link import connect_option, json_option, unkept_link, via_option
+from rover_sweep.errors import UsageError
 
 if TYPE_CHECKING:
-    from rover_sweep.vehicle.link.access import Access
-    from rover_sweep.vehicle.logs.download import LogEntry
-    from rover_sweep.vehicle.logs.fetch import FetchedFile
-    from rover_sweep.vehicle.sources import Via
+    from rover_sweep.vehicle.link.connection import Access
+    from rover_sweep.vehicle.logs import FetchedFile, LogEntry, Via
 
 _via = via_option("Library used for the download; the result is the same.")
 
@@ -32,7 +32,7 @@ def logs() -> None:
 def list_(connect: str, access: Access, as_json: bool, via: Via) -> None:
     """List the logs on the SD card, oldest first."""
     from rover_sweep.cli.views.output import echo_json, results
-    from rover_sweep.vehicle.sources import log_source
+    from rover_sweep.vehicle.logs import log_source
 
     with unkept_link(connect, access) as link:
         entries = log_source(link, via).logs()
@@ -65,11 +65,10 @@ def fetch(which: str, connect: str, access: Access, out: str, as_json: bool, via
     download. An interrupted download continues where it stopped. The size and, if the autopilot has MAVLink
     FTP, the checksum are compared with the file on the card. The rover must be disarmed.
     """
-    from rover_sweep.cli.types.folders import check_writable
+    from rover_sweep.cli.options import check_writable
     from rover_sweep.cli.views.output import echo, echo_json, results
-    from rover_sweep.vehicle.logs.fetch import FetchedFile, chosen_logs, settled
-    from rover_sweep.vehicle.logs.fetch import fetch as bring
-    from rover_sweep.vehicle.sources import log_source
+    from rover_sweep.vehicle.logs import FetchedFile, chosen_logs, log_source, settled
+    from rover_sweep.vehicle.logs import fetch as bring
 
     console, fetched = results(as_json), list[FetchedFile]()
     check_writable(Path(out))
@@ -116,3 +115,54 @@ def _when(entry: LogEntry) -> str:
         if entry.time_utc
         else "-"
     )
+
+
+# `rover-sweep view`: a page that plots any channel of a log against another.
+
+
+@click.command()
+@click.argument("log", metavar="LOG")
+@reading_options
+@click.option(
+    "--out",
+    type=click.Path(dir_okay=False),
+    metavar="FILE",
+    help="The page, one HTML file. [default: the log's name with .html, here]",
+)
+def view(
+    log: str,
+    columns: str | None,
+    gyro_filter: float | None,
+    accel_filter: float | None,
+    system: int | None,
+    out: str | None,
+) -> None:
+    """Write a page with the channels of LOG (.BIN, .tlog, .csv): any against time or another.
+
+    The page needs no network and no other file.
+    """
+    from rover_sweep.cli.views.asking import long_work
+    from rover_sweep.cli.views.output import results
+    from rover_sweep.files.replaced import write_file
+    from rover_sweep.logs.read import read_logs
+    from rover_sweep.report.view.log_page import log_page
+
+    page = Path(out or f"{Path(log).stem}.html")
+    refuse_input(str(page), log, columns)
+    if out is None and page.exists() and b"rover-sweep" not in page.read_bytes():
+        raise UsageError(f"{page} exists and is no page of this program; give --out FILE")
+    filters = filter_overrides(gyro_filter, accel_filter)
+    with long_work(f"reading {Path(log).name}"):
+        logs = read_logs(log, column_map=columns, filters=filters, system=system)
+    channels = [
+        {**dict(each.signals), **{_steering(s.unit, k): s for k, s in enumerate(each.steering)}}
+        for each in logs
+    ]
+    path = write_file(page, log_page(Path(log).name, channels))
+    results().print(f"page: {path}", soft_wrap=True, markup=False)
+
+
+def _steering(unit: str, place: int) -> str:
+    """The name of a recorded steering output, best first."""
+    name = "delta" if "rad" in unit else "pwm"
+    return name if not place else f"{name} {place + 1}"

@@ -11,16 +11,20 @@ from typing import TYPE_CHECKING
 
 import click
 
-from rover_sweep.cli.types.vehicle_link import connect_option, json_option, unkept_link, via_option
+from rover_sweep.cli.vehicle_link import connect_option, json_option, unkept_link, via_option
 from rover_sweep.cli.views.asking import confirmed, reboot_consent
 from rover_sweep.cli.views.output import echo, echo_json
 from rover_sweep.errors import UsageError
 
 if TYPE_CHECKING:
+    from rich.console import RenderableType
+
     from firmware_params.param_files import Difference, WantedParameter
-    from rover_sweep.vehicle.link.access import Access
+    from rover_sweep.manoeuvre.sweep import Manoeuvre
+    from rover_sweep.session.content import Content, DrivenRun
+    from rover_sweep.vehicle.link.connection import Access
     from rover_sweep.vehicle.link.link import Link
-    from rover_sweep.vehicle.sources import Via
+    from rover_sweep.vehicle.logs import Via
 
 _via = via_option("Library used to read and write; the result is the same.")
 _file = click.argument("file", metavar="[FILE]", default="identification")
@@ -42,7 +46,7 @@ def params() -> None:
 @_via
 def diff(file: str, connect: str, access: Access, as_json: bool, via: Via) -> int:
     """Compare the rover with FILE. Changes nothing. Exit code 0 if nothing differs, 1 if something does."""
-    from rover_sweep.vehicle.parameters.read_param_file import wanted_of
+    from rover_sweep.vehicle.parameters import wanted_of
 
     wanted = wanted_of(file)
     with unkept_link(connect, access) as link:
@@ -71,10 +75,10 @@ def push(file: str, connect: str, access: Access, yes: bool, as_json: bool, via:
     from rover_sweep.cli.views.display import PlainDisplay
     from rover_sweep.cli.views.output import narration
     from rover_sweep.vehicle.events import ParameterSet
-    from rover_sweep.vehicle.parameters.read_param_file import wanted_of
-    from rover_sweep.vehicle.setup.push import awaiting_reboot
-    from rover_sweep.vehicle.setup.push import push as bring
-    from rover_sweep.vehicle.sources import parameter_source
+    from rover_sweep.vehicle.logs import parameter_source
+    from rover_sweep.vehicle.parameters import wanted_of
+    from rover_sweep.vehicle.setup import awaiting_reboot
+    from rover_sweep.vehicle.setup import push as bring
 
     if not yes and not sys.stdin.isatty():
         raise UsageError("cannot ask, stdin is not a terminal; give --yes to set them without questions")
@@ -107,10 +111,10 @@ def push(file: str, connect: str, access: Access, yes: bool, as_json: bool, via:
 @_via
 def pull(file: str, connect: str, access: Access, as_json: bool, via: Via) -> None:
     """Save all parameters of the rover to FILE (default: stdout), in the format of the ground stations."""
-    from rover_sweep.cli.types.text_file import refuse_no_folder, write_text
+    from rover_sweep.cli.options import refuse_no_folder, write_text
     from rover_sweep.vehicle.identity import identify_vehicle
-    from rover_sweep.vehicle.parameters.read_write import await_booted
-    from rover_sweep.vehicle.sources import parameter_source
+    from rover_sweep.vehicle.logs import parameter_source
+    from rover_sweep.vehicle.parameters import await_booted
 
     refuse_no_folder(file)
     if file != "-" and Path(file).is_file():
@@ -135,8 +139,8 @@ def _lines(values: dict[str, float]) -> Iterator[str]:
 def _differences(link: Link, wanted: Sequence[WantedParameter], via: Via) -> list[Difference]:
     from firmware_params.param_files import compare
     from rover_sweep.vehicle.identity import identify_vehicle
-    from rover_sweep.vehicle.parameters.read_write import await_booted, read_present
-    from rover_sweep.vehicle.sources import parameter_source
+    from rover_sweep.vehicle.logs import parameter_source
+    from rover_sweep.vehicle.parameters import await_booted, read_present
 
     identify_vehicle(link)
     one_by_one = via == "mavlink" and len(wanted) < _FEW
@@ -156,7 +160,7 @@ _FEW = 100  # below this, parameters are read one by one; reading all 1300 takes
 
 
 def _document(d: Difference) -> dict[str, object]:
-    from rover_sweep.vehicle.setup.push import needs_reboot
+    from rover_sweep.vehicle.setup import needs_reboot
 
     document = {"name": d.name, "wanted": d.wanted, "found": d.found, "reason": d.reason}
     return document | {"reboot": needs_reboot(d.name, d.needs_reboot)}
@@ -167,7 +171,7 @@ def _show(found: Sequence[Difference], file: str, as_json: bool = False) -> None
     from rich.text import Text
 
     from rover_sweep.cli.views.output import results
-    from rover_sweep.vehicle.setup.push import needs_reboot
+    from rover_sweep.vehicle.setup import needs_reboot
 
     console = results(as_json)
     if not found:
@@ -182,3 +186,67 @@ def _show(found: Sequence[Difference], file: str, as_json: bool = False) -> None
         table.add_row(d.name, has, f"{d.wanted:.7g}", reboot, Text(d.reason))
     console.print(table)
     console.print(f"{len(found)} differ", style="yellow")
+
+
+# `rover-sweep status`: the runs in a session's folder, and the runs that remain.
+
+
+_STATES = {"begun": "", "done": "green", "stopped": "yellow", "cut": "yellow"}
+
+
+@click.command()
+@click.argument("folder", type=click.Path(exists=True, file_okay=False, path_type=Path))
+@click.option(
+    "--json", "as_json", is_flag=True, help="Print session.json and the remaining runs (to_drive) on stdout."
+)
+def status(folder: Path, as_json: bool) -> None:
+    """Show the driven runs of the session in FOLDER with their verdicts, and the runs that remain.
+
+    Changes nothing; the session may be running.
+    """
+    from rover_sweep.cli.views.output import echo_json, results
+    from rover_sweep.session.content import to_json
+    from rover_sweep.session.folder import is_session, read_folder
+
+    if not is_session(folder):
+        raise UsageError(f"{folder} is not a session folder: it has neither session.json nor a .tlog")
+    content = read_folder(folder)
+    if as_json:
+        document = to_json(content) | {"to_drive": [run.name for run in content.to_drive]}
+        echo_json(json.dumps(document, indent=2, default=str))
+        return
+    console = results()
+    firmware = content.vehicle.get("firmware", "an unknown rover")
+    console.print(f"{folder}: {firmware}, {len(content.runs)} runs, {len(content.logs)} logs", markup=False)
+    if content.runs:
+        console.print(_table(content))
+    left = ", ".join(f"{run.name} ({_describe(run.manoeuvre)})" for run in content.to_drive)
+    remaining = f"still to drive: {left}" if left else "no runs remain"
+    console.print(remaining, markup=False, soft_wrap=True)
+
+
+def _table(content: Content) -> RenderableType:
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table(box=None, padding=(0, 2, 0, 0), pad_edge=False, header_style="dim")
+    for heading in ("run", "manoeuvre", "state", "log", "verdict"):
+        table.add_column(heading, no_wrap=heading != "verdict")
+    for run in content.runs:
+        held = next((log.file for log in content.logs if run.label in log.runs), "-")
+        state = Text(run.state, _STATES[run.state])
+        table.add_row(Text(run.label), _describe(run.manoeuvre), state, Text(held), Text(_verdict(run)))
+    return table
+
+
+def _verdict(run: DrivenRun) -> str:
+    """The verdict of a complete run; the reason why another run ended."""
+    if run.state != "done":
+        return run.reason
+    return str(run.verdict["sentence"]) if run.verdict else "not checked; use rover-sweep coherence"
+
+
+def _describe(manoeuvre: Manoeuvre | None) -> str:
+    return (
+        "unknown" if manoeuvre is None else f"{manoeuvre.kind.replace('_', ' ')} {manoeuvre.amplitude:g} us"
+    )

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from rover_sweep.cli.types.options import NumberRange
-from rover_sweep.cli.types.vehicle_link import connect_option, json_option, unkept_link
+from rover_sweep.cli.options import NumberRange
+from rover_sweep.cli.vehicle_link import connect_option, json_option, unkept_link
 from rover_sweep.cli.views.asking import confirmed
 from rover_sweep.cli.views.output import echo_json
 from rover_sweep.errors import UsageError
@@ -19,9 +19,9 @@ from rover_sweep.errors import UsageError
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from rover_sweep.vehicle.link.access import Access
+    from rover_sweep.vehicle.link.connection import Access
     from rover_sweep.vehicle.link.link import Link
-    from rover_sweep.vehicle.preflight.item import Check
+    from rover_sweep.vehicle.preflight.read_rover import Check
 
 _STYLES = {"good": "green", "doubtful": "yellow", "bad": "red", "unknown": "yellow"}
 
@@ -65,8 +65,8 @@ def preflight(
     Changes nothing, except with --fix, which asks first and checks again afterwards. Nothing moves or arms.
     Exit code 0 if no check is bad, else 1.
     """
-    from rover_sweep.vehicle.preflight.all_checks import NAMES
-    from rover_sweep.vehicle.preflight.all_checks import preflight as look
+    from rover_sweep.vehicle.preflight.readiness import NAMES
+    from rover_sweep.vehicle.preflight.readiness import preflight as look
 
     for name in names:
         if name not in NAMES:
@@ -89,7 +89,7 @@ def preflight(
 def _fix(link: Link, checks: Sequence[Check], name: str, folder: Path, yes: bool) -> None:
     from rover_sweep.cli.views.display import PlainDisplay
     from rover_sweep.cli.views.output import narration
-    from rover_sweep.vehicle.preflight.all_checks import remedy
+    from rover_sweep.vehicle.preflight.readiness import remedy
 
     console = narration()
     check = next((c for c in checks if c.name == name), None)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import errno
+import math
+import queue
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -11,12 +13,15 @@ from typing import TYPE_CHECKING
 
 import click
 
+from rover_sweep.cli.options import NumberRange
 from rover_sweep.errors import UsageError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from rover_sweep.data.recording import Recording
+    from rover_sweep.live.played_source import PlayedSource
+    from rover_sweep.live.source import Update
     from rover_sweep.logs.log import Log
 
 _NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS)
@@ -68,8 +73,13 @@ def redrive(
     takes about one second per drive; the firmware runs in real time.
     """
     from rover_sweep.cli.views.output import narration
-    from rover_sweep.redrive.recorded_course import course_of
-    from rover_sweep.redrive.vehicle_variant import described, on_the_clock, refuse_instant, simulated_rover
+    from rover_sweep.redrive.recorded_course import (
+        course_of,
+        described,
+        on_the_clock,
+        refuse_instant,
+        simulated_rover,
+    )
 
     target = _target(out, log)
     parameters = simulated_rover(variant, rover_file)
@@ -136,7 +146,7 @@ def _runs(source: str) -> Sequence[Recording]:
 def _one_log(source: str) -> Log:
     """The log to repeat; UsageError if the source holds several."""
     from rover_sweep.logs.read import read_logs
-    from rover_sweep.logs.readers.implausible import screened
+    from rover_sweep.logs.readers.csv_table import screened
 
     logs = read_logs(source)
     if len(logs) != 1:
@@ -166,3 +176,74 @@ def _show_speeds(runs: Sequence[Recording], target: Path) -> None:
     console.print(
         f"{target}: {len(simulated)} run{'s' if len(simulated) != 1 else ''}", soft_wrap=True, markup=False
     )
+
+
+# `rover-sweep replay`: play a recording on the screen that `session` uses for a vehicle.
+
+
+@click.command()
+@click.argument("log", type=click.Path(), metavar="LOG")
+@click.option(
+    "--speed",
+    type=NumberRange(0, min_open=True),
+    metavar="X",
+    help="Playback speed, times real time. [default: 1 on the screen, unlimited as text]",
+)
+@click.option(
+    "--from",
+    "start",
+    type=NumberRange(0),
+    default=0.0,
+    metavar="S",
+    help="Start this many seconds into the recording.",
+)
+@click.option("--text", is_flag=True, help="Plain text (default when not in a terminal).")
+def replay(log: str, speed: float | None, start: float, text: bool) -> None:
+    """Play a .tlog or .BIN on the screen of `session`, with its runs and their verdicts.
+
+    Finds runs steered by the applet and by hand. No vehicle is contacted.
+    """
+    from rover_sweep.cli.views.output import narration, results
+    from rover_sweep.live.played_source import PlayedSource
+
+    as_text = text or not (narration().is_terminal and results().is_terminal)
+    source = PlayedSource(log, speed or (math.inf if as_text else 1.0), start)
+    if as_text:
+        as_lines(source)
+        return
+    from rover_sweep.tui.app import show
+
+    show(source, view="run")
+
+
+def as_lines(source: PlayedSource) -> None:
+    """Play the recording to its end as plain text, one line per event."""
+    from rover_sweep.cli.views.display import PlainDisplay
+    from rover_sweep.cli.views.output import results
+    from rover_sweep.live.source import Judged, Played
+    from rover_sweep.vehicle import events as e
+
+    messages: queue.SimpleQueue[Update] = queue.SimpleQueue()
+    shown = PlainDisplay(results(), talk=True)
+    runs = len(source.track.places)
+    many = {0: "no run", 1: "1 run"}.get(runs, f"{runs} runs")
+    shown.say(f"{source.path.name}: {source.track.length:.1f} s, {many}")
+    source.start(messages.put)
+    try:
+        while True:
+            match messages.get():
+                case Played(t, length):
+                    if t >= length:
+                        return
+                case e.RunFinished(completed=True):
+                    pass  # shown with its verdict, which comes next
+                case Judged(verdict):
+                    shown.say(f"  {verdict.run}: {verdict.sentence}")
+                    for remark in verdict.remarks:
+                        shown.say(f"    {remark}")
+                case e.Connected(vehicle=vehicle):
+                    shown.say(vehicle.firmware)
+                case e.Notice() | e.Said() | e.RunStarted() | e.RunFinished() as event:
+                    shown.show(event)
+    finally:
+        source.close()

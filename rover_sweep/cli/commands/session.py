@@ -7,11 +7,10 @@ from typing import TYPE_CHECKING
 
 import click
 
-from rover_sweep.cli.types.manoeuvres import LimitType
-from rover_sweep.cli.types.which_vehicle import access_options
+from rover_sweep.cli.vehicle_link import LimitType, access_options
 
 if TYPE_CHECKING:
-    from rover_sweep.vehicle.link.access import Access
+    from rover_sweep.vehicle.link.connection import Access
 
 LOOPBACK = "127.0.0.1"
 _PILOT_PATIENCE = 900.0  # s to wait for the pilot to arm and throw the switch, as in `rover-sweep run`
@@ -84,14 +83,13 @@ def session(
     program to do it; it then asks before each run. SPACE or ESC ends a run at once. Without the laptop,
     switch low, disarming or a mode change ends it.
     """
-    from rover_sweep.cli.driving.served_session import serve
+    from rover_sweep.cli.driving.job import serve
     from rover_sweep.data.vehicle_file import load
-    from rover_sweep.live.vehicle.vehicle_source import VehicleSource
+    from rover_sweep.live.vehicle_source import VehicleSource
     from rover_sweep.tui.app import show
-    from rover_sweep.tui.model.earlier import fetched_logs, records, rows, runs_of_plan
-    from rover_sweep.tui.model.setup import Setup, memory_file
+    from rover_sweep.tui.model.setup import Setup, fetched_logs, memory_file, records, rows, runs_of_plan
     from rover_sweep.vehicle.link.transport import parse_url
-    from rover_sweep.vehicle.run.settings import RunSettings
+    from rover_sweep.vehicle.run.controls import RunSettings
 
     if url:
         parse_url(url)

@@ -30,14 +30,13 @@ def study(out: str, seed: int, as_json: bool) -> None:
     """
     from rich.text import Text
 
-    from rover_sweep.cli.types.folders import check_writable
-    from rover_sweep.cli.views.long_work import long_work
+    from rover_sweep.cli.options import check_writable
+    from rover_sweep.cli.views.asking import long_work
     from rover_sweep.cli.views.output import echo_json, results
     from rover_sweep.report.identification.terminal import rich_table
-    from rover_sweep.study.overview import all_findings, outcome_counts
-    from rover_sweep.study.published_tables import tables
-    from rover_sweep.study.study_folder import write_study
+    from rover_sweep.study.study_folder import all_findings, outcome_counts, write_study
     from rover_sweep.study.virtual_study import study as run
+    from rover_sweep.study.virtual_study import tables
 
     check_writable(Path(out))
     console = results(as_json)

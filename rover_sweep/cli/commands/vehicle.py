@@ -10,11 +10,10 @@ from typing import get_args
 import click
 
 from rover_sweep.cli.views.output import echo, echo_json, results
-from rover_sweep.data.material_sizes import MATERIAL
 from rover_sweep.data.plausibility import implausible
 from rover_sweep.data.vehicle_file import Measured, Model, Vehicle, example, load
 from rover_sweep.data.vehicle_geometry import SIZED, geometry_of, with_uncertainties
-from rover_sweep.data.vehicle_rules import KEYS
+from rover_sweep.data.vehicle_rules import KEYS, MATERIAL
 from rover_sweep.errors import UsageError
 
 

@@ -3,15 +3,21 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+from rover_sweep.errors import UsageError
 
 if TYPE_CHECKING:
     from rover_sweep.api.diagnosis_input import Material
     from rover_sweep.api.investigation import Bounds, Decision, RunDriver
+    from rover_sweep.cli.driving.session_display import OneByOne
     from rover_sweep.data.vehicle_file import Vehicle
     from rover_sweep.diagnosis.result import Diagnosis
+    from rover_sweep.session.simulated_rover import SimulatedRover
 
 TITLES = {"drive": "next run", "settled": "settled", "used up": "ended", "open": "open"}
 
@@ -24,8 +30,7 @@ def show_investigation(
     investigation.json is written before each run. Ctrl-C releases the rover, writes the report on the runs so
     far, and raises KeyboardInterrupt.
     """
-    from rover_sweep.api.investigation import investigation
-    from rover_sweep.api.investigation_json import steps_before, write_investigation
+    from rover_sweep.api.investigation import investigation, steps_before, write_investigation
 
     earlier = steps_before(out)
     decisions: list[Decision] = []
@@ -43,9 +48,9 @@ def show_document(
     decisions: list[Decision], out: Path | None, as_json: bool, earlier: tuple[Any, ...] = ()
 ) -> None:
     """The JSON with as_json, else the path of the document."""
-    from rover_sweep.api.investigation_json import DOCUMENT, investigation_document
+    from rover_sweep.api.investigation import DOCUMENT, investigation_document
     from rover_sweep.cli.views.output import echo_json, results
-    from rover_sweep.report.wording.strict_json import strict_json
+    from rover_sweep.report.wording import strict_json
 
     if as_json:
         echo_json(strict_json(investigation_document(decisions, earlier)))
@@ -58,8 +63,8 @@ def diagnosing(vehicle: Vehicle) -> Callable[[Material], Diagnosis]:
 
     def diagnose(given: Material) -> Diagnosis:
         from rover_sweep.api.diagnosis_input import diagnosed
-        from rover_sweep.cli.views.long_work import long_work
-        from rover_sweep.diagnosis.settings import DiagnosisSettings
+        from rover_sweep.cli.views.asking import long_work
+        from rover_sweep.diagnosis.result import DiagnosisSettings
 
         names = ", ".join(run.name for run in (*given.runs, *given.held_out))
         with long_work(f"diagnosing {names}") as report:
@@ -86,10 +91,10 @@ def _write_report(decisions: list[Decision], rover: tuple[Vehicle, Path], out: P
     from datetime import datetime
 
     from rover_sweep.cli.views.output import results
-    from rover_sweep.diagnosis.settings import DiagnosisSettings
-    from rover_sweep.report.diagnosis.report_folder import write_diagnosis
-    from rover_sweep.report.diagnosis.terminal import WIDTH, summary
-    from rover_sweep.report.wording.provenance import provenance
+    from rover_sweep.diagnosis.result import DiagnosisSettings
+    from rover_sweep.report.diagnosis.page import write_diagnosis
+    from rover_sweep.report.diagnosis.tables import WIDTH, summary
+    from rover_sweep.report.wording import provenance
 
     last = next((d for d in reversed(decisions) if d.diagnosis and d.given), None)
     if last is None or last.diagnosis is None or last.given is None:
@@ -100,3 +105,72 @@ def _write_report(decisions: list[Decision], rover: tuple[Vehicle, Path], out: P
     shown = results(as_json)
     shown.print(summary(last.diagnosis), width=min(shown.width, WIDTH))
     shown.print(f"\nreport: {files.page}", soft_wrap=True, markup=False)
+
+
+# `investigate --vehicle embedded|ardurover`: an investigation of a simulated rover, without asking.
+
+
+_LIMITS = {"gcs": 1.0, "v_min": 0.6, "v_max": 5.0}
+SPEED = 2.5  # m/s at the throttle of a simulated rover
+
+
+def investigate_simulated(
+    simulator: str,
+    bounds: Bounds,
+    limits: dict[str, float],
+    logs: bool,
+    out: str | None,
+    as_json: bool,
+    *,
+    physics: str,
+    ardurover: str | None,
+    variant: str,
+    seed: int,
+    rover_file: str | None,
+) -> None:
+    """Start the simulated rover, install applet and parameters, and investigate it.
+
+    UsageError for the firmware's own physics, which has no tyres and no roll.
+    """
+    from rover_sweep.cli.driving.simulated import rover_text, vehicle_in
+    from rover_sweep.cli.options import session_folder
+    from rover_sweep.session.simulated_rover import SimulatedRover
+
+    if physics == "own":
+        raise UsageError("the firmware's own rover is kinematic: there is nothing to investigate")
+    simulation = SimulatedRover(
+        "ardurover" if simulator == "ardurover" else "embedded",
+        Path(ardurover) if ardurover else None,
+        "plant",
+        variant,
+        seed,
+        prepared=False,
+    )
+    text = None if rover_file else rover_text(variant)
+    folder = session_folder(out, "investigation", also=() if rover_file else ("rover.toml",))
+    rover = vehicle_in(folder, rover_file, text)
+    allowed = replace(bounds, speed=min(bounds.speed, SPEED), headings=False)
+    with simulated_driver(simulation, folder, rover, limits, logs) as driver:
+        show_investigation(driver, rover, allowed, folder, as_json)
+
+
+@contextmanager
+def simulated_driver(
+    simulation: SimulatedRover,
+    folder: Path,
+    rover: tuple[Vehicle, Path],
+    limits: dict[str, float],
+    logs: bool,
+) -> Iterator[OneByOne]:
+    """A driver of a simulated rover, which runs inside the block. It does not ask."""
+    from firmware_params.applet_parameters import applet_path
+    from firmware_params.param_files import read, shipped
+    from rover_sweep.cli.driving.session_display import OneByOne
+    from rover_sweep.session.session import SessionPlan
+    from rover_sweep.session.simulated_rover import started
+    from rover_sweep.vehicle.run.controls import RunSettings
+
+    settings = RunSettings(True, simulation.throttle_us, "override", {"pwm_max": 250.0} | _LIMITS | limits)
+    plan = SessionPlan((), settings, read(shipped("identification")), applet=applet_path(), logs=logs)
+    with started(simulation, folder / "vehicle") as running:
+        yield OneByOne(running.connection, folder, rover, plan, SPEED, None)

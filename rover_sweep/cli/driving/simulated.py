@@ -6,24 +6,24 @@ arms and drives it without asking.
 
 from __future__ import annotations
 
+import tempfile
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack
+from dataclasses import dataclass
+from itertools import takewhile
+from math import radians, sin
 from pathlib import Path
+from textwrap import wrap
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from rover_sweep.cli.driving.job import Job, announce
-from rover_sweep.cli.driving.simulated_vehicle import (
-    firmware_rover_text,
-    rover_text,
-    truth_view,
-    variants,
-    vehicle_in,
-)
-from rover_sweep.errors import UsageError
+from rover_sweep.errors import UsageError, missing_extra
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from rich.console import RenderableType
 
     from rover_sweep.cli.views.display import PlainDisplay
@@ -32,8 +32,169 @@ if TYPE_CHECKING:
     from rover_sweep.session.session import SessionPlan
     from rover_sweep.session.simulated_rover import SimulatedRover
     from rover_sweep.vehicle.events import Event, SessionFinished
+    from sitl.plant.variant import PlantParameters
 
     Numbers = Callable[[Identification], RenderableType]
+
+# Simulated rovers of `dry-run` and `run`: their vehicle files and true parameters.
+
+
+SIMULATORS = ("embedded", "ardurover")
+
+
+def variants() -> tuple[str, ...]:
+    """Names of the built-in physics."""
+    from sitl.plant.variant import variant_names
+
+    return variant_names()
+
+
+def rover_text(variant: str) -> str:
+    """rover.toml of a simulated rover: the values that an owner could measure."""
+    from sitl.plant.variant import load_variant
+    from sitl.rover_file import rover_file
+
+    try:
+        return rover_file(load_variant(variant), variant)
+    except ValueError as error:
+        raise UsageError(str(error)) from error
+
+
+def firmware_rover_text() -> str:
+    """rover.toml of ArduPilot's own simulated rover (SIM_Rover.h, 4.6.3): 35 deg of steering at 500 us, and
+    the wheelbase that follows from its turning circle of 1.8 m. It has no tyres and no body, so the masses
+    (those of the nominal plant) do not affect the identified model."""
+    from dataclasses import replace
+
+    from sitl.plant.variant import load_variant
+    from sitl.rover_file import rover_file
+
+    half = 1.8 / 2 * sin(radians(35)) / 2
+    own = replace(
+        load_variant("nominal"),
+        rad_per_us=round(radians(35) / 500, 6),
+        cg_to_front_axle=round(half, 4),
+        cg_to_rear_axle=round(half, 4),
+    )
+    return rover_file(own, "of the firmware")
+
+
+def vehicle_in(folder: Path, rover_file: str | None, text: str | None) -> tuple[Vehicle, Path]:
+    """(vehicle, path) of the given file, else of the text, written into the folder."""
+    from rover_sweep.data.vehicle_file import load
+
+    path = Path(rover_file) if rover_file else folder / "rover.toml"
+    if text is not None:
+        path.write_text(text, encoding="utf-8")
+    return load(path), path
+
+
+def truth_view(variant: str) -> Callable[[Identification], RenderableType]:
+    """A function that renders the table of true and identified parameters."""
+
+    def view(result: Identification) -> RenderableType:
+        from rover_sweep.cli.views.gains_table import truth_table
+        from rover_sweep.report.identification.terminal import rich_table
+        from sitl.plant.effects.replaced_numbers import resolved
+        from sitl.plant.variant import load_variant
+
+        table = truth_table(result, resolved(load_variant(variant)))
+        return rich_table(table) if table else ""
+
+    return view
+
+
+# The simulated rover of a diagnosis or a variant file, as it is exported to other programs.
+
+
+WIDTH = 105  # of a line
+
+
+@dataclass(frozen=True)
+class ExportedRover:
+    """Parameters, the name of the file they were read from, and what its first comments say."""
+
+    parameters: PlantParameters
+    source: str
+    remarks: tuple[str, ...]
+
+    @property
+    def origin(self) -> list[str]:
+        """Lines on where the numbers come from."""
+        from rover_sweep._version import __version__
+
+        first = f"Written by rover-sweep {__version__} with the numbers of {self.source}."
+        return [line for words in (first, *self.remarks) for line in wrap(words, WIDTH)]
+
+
+def rover_at(place: Path) -> ExportedRover:
+    """Of a folder with a variant.toml (or its report/), a variant file, or a diagnosis.
+
+    UsageError if there is none or its numbers cannot be used.
+    """
+    if place.is_file() and place.suffix.lower() == ".toml":
+        return _read(place, place.name)
+    if place.is_dir():
+        for folder in (place, place / "report"):
+            if (folder / "variant.toml").is_file():
+                return _read(folder / "variant.toml", "variant.toml")
+    return _diagnosed(place)
+
+
+def rover_script(rover: ExportedRover, target: Path) -> str:
+    """The rover as the source of the Python file `target`."""
+    from sitl.twin.python_file import python_file
+
+    if target.suffix != ".py" or not target.stem.isidentifier():
+        raise UsageError(f"{target}: Python cannot import this name; give one such as rover_twin.py")
+    return python_file(rover.parameters, rover.origin, target.stem)
+
+
+def rover_fmu(rover: ExportedRover, target: Path) -> bytes:
+    """The rover as the FMU file `target`; UsageError without pythonfmu."""
+    from sitl.twin.fmu_file import can_build, fmu_file
+
+    if target.suffix != ".fmu" or not target.stem.isidentifier():
+        raise UsageError(f"{target}: not a name for an FMU; give letters, digits and _, as in rover_twin.fmu")
+    if not can_build():
+        raise missing_extra("--fmu needs pythonfmu", "fmu")
+    try:
+        return fmu_file(rover.parameters, rover.origin, target.stem)
+    except RuntimeError as error:
+        raise UsageError(str(error)) from error
+
+
+def _diagnosed(place: Path) -> ExportedRover:
+    from rover_sweep.api.simulate import diagnosis_file, read_augmented_model
+    from rover_sweep.report.export.plant_variant import variant_text
+
+    found = diagnosis_file(place)
+    if found is None:
+        raise UsageError(
+            f"{place} holds no simulated rover; give the --out folder of diagnose, its diagnosis.json or the "
+            ".toml file of a simulated rover"
+        )
+    model, _ = read_augmented_model(found)
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "variant.toml"
+        path.write_text(variant_text(model), encoding="utf-8")
+        return _read(path, found.name)
+
+
+def _read(path: Path, source: str) -> ExportedRover:
+    """UsageError for numbers that are wrong one by one or together."""
+    from sitl.plant.plant import Plant
+    from sitl.plant.variant import load_variant
+
+    try:
+        parameters = load_variant(path.resolve())
+        Plant(parameters)
+        lines = path.read_text(encoding="utf-8").splitlines()
+    except (OSError, ValueError) as error:
+        raise UsageError(str(error)) from error
+    remarks = takewhile(lambda line: line.startswith("#"), lines)
+    return ExportedRover(parameters, source, tuple(line.lstrip("# ") for line in remarks))
+
 
 _LIMITS = {"gcs": 1.0, "v_min": 1.0, "v_max": 5.0}
 _PWM_MAX = 250.0  # us, default of SWP_PWM_MAX
@@ -110,7 +271,7 @@ def on_simulated(
 ) -> tuple[tuple[Vehicle, Path], SessionFinished, Numbers | None]:
     """Drive the job on a simulated rover; (vehicle and its file, session, view of the true parameters)."""
     from rover_sweep.cli.driving.session_display import show_session
-    from rover_sweep.cli.types.folders import session_folder
+    from rover_sweep.cli.options import session_folder
     from rover_sweep.session.session import drive
     from rover_sweep.session.simulated_rover import SimulatedRover, pilot, started
     from rover_sweep.vehicle.link.recorded_transport import RecordedLine, conversation_in
@@ -148,9 +309,9 @@ def _plan(job: Job, simulation: SimulatedRover) -> SessionPlan:
     """The plan of the session; UsageError for values that the applet would refuse."""
     from firmware_params.applet_parameters import applet_path
     from firmware_params.param_files import read, shipped
-    from rover_sweep.manoeuvre.applet_values import parameters_of
+    from rover_sweep.manoeuvre.sweep import parameters_of
     from rover_sweep.session.session import SessionPlan
-    from rover_sweep.vehicle.run.settings import RunSettings
+    from rover_sweep.vehicle.run.controls import RunSettings
 
     trigger = job.trigger or "override"
     if trigger == "pilot" and simulation.simulator == "embedded":

@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import math
+import shutil
+import textwrap
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
-from rover_sweep.cli.views.typed_ahead import forget_typed
-from rover_sweep.files.printable import printable_lines
+import numpy as np
+
+from rover_sweep.cli.views.asking import forget_typed
+from rover_sweep.data.recording import Array
+from rover_sweep.files.documents import printable_lines
 from rover_sweep.vehicle import events as e
 
 if TYPE_CHECKING:
@@ -205,9 +210,52 @@ def _title(event: e.RunStarted) -> str:
 
 def _verdict(event: e.RunFinished) -> str:
     """Verdict on a run from its telemetry; "done" for a doublet, which needs no coherence."""
-    from rover_sweep.live.verdict.run_verdict import judge
+    from rover_sweep.live.verdict import judge
 
     if event.name.startswith("throttle"):
         return "done; the speed is judged from the rover's log"
     verdict = judge(event.tlog, event.span, event.name)
     return verdict.sentence if verdict.bands or verdict.advice != "keep" else "done"
+
+
+# Wrapped text on a terminal.
+
+
+WIDTH = 80
+
+
+def bullet(mark: str, text: str) -> str:
+    """`text` wrapped to the terminal (at most 80 columns), indented by two, with `mark` before it."""
+    return _hanging(f"  {mark} ", text)
+
+
+def fact(name: str, text: str) -> str:
+    """`name` and `text` in two columns, wrapped likewise."""
+    return _hanging(f"  {name:<16}", text)
+
+
+def _hanging(head: str, text: str) -> str:
+    width = min(shutil.get_terminal_size((WIDTH, 24)).columns, WIDTH)
+    return textwrap.fill(text, width, initial_indent=head, subsequent_indent=" " * len(head))
+
+
+# Small text plots: blocks for a spectrum, and a ruler below a plot.
+
+
+_BLOCKS = " ▁▂▃▄▅▆▇█"
+
+
+def blocks(values: Array, low: float, high: float) -> str:
+    """One line of bars: values (n,) between `low` (empty) and `high` (full)."""
+    share = np.clip((values - low) / (high - low), 0, 1)
+    return "".join(_BLOCKS[round(8 * float(s))] for s in share)
+
+
+def ruler(labels: list[tuple[float, str]], width: int) -> str:
+    """A line of `width` characters with each label centred at its position 0..1; skips overlapping labels."""
+    line = [" "] * width
+    for place, label in labels:
+        start = min(max(round(place * (width - 1) - len(label) / 2), 0), width - len(label))
+        if all(c == " " for c in line[max(start - 1, 0) : start + len(label) + 1]):
+            line[start : start + len(label)] = label
+    return "".join(line).rstrip()

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import codecs
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import click
 
-from rover_sweep.files.printable import printable_lines, shortened, within_json
+from rover_sweep.files.documents import printable_lines, shortened, within_json
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -60,3 +61,26 @@ def _console(stderr: bool) -> Console:
     if not console.is_terminal:
         console.width = max(console.width, PLAIN_WIDTH)
     return console
+
+
+# Greek letters and signs in plain letters, for a terminal that has no others: tau instead of ?.
+
+
+NAME = "rover-sweep-plain"
+PLAIN = {
+    **dict(
+        zip("αβδκμτφψω", ("alpha", "beta", "delta", "kappa", "mu", "tau", "phi", "psi", "omega"), strict=True)
+    ),
+    **{"²": "^2", "³": "^3", "±": "+-", "µ": "u", "°": "deg", "·": " ", "×": "x", "√": "sqrt"},
+    **{"…": "..", "–": "-", "—": "-", "−": "-", "≤": "<=", "≥": ">=", "’": "'", "→": "->", "Δ": "Delta"},
+}
+
+
+def in_plain_letters(error: UnicodeError) -> tuple[str, int]:
+    """An error handler of `codecs`: what cannot be encoded, in ASCII; ? for what has no such form."""
+    if not isinstance(error, UnicodeEncodeError):
+        raise error
+    return "".join(PLAIN.get(c, "?") for c in error.object[error.start : error.end]), error.end
+
+
+codecs.register_error(NAME, in_plain_letters)

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from rich.console import Console, ConsoleOptions, RenderableType
 from rich.segment import Segment
 
-from rover_sweep.files.printable import printable_lines
+from rover_sweep.files.documents import printable_lines
 
 
 class SafeConsole(Console):

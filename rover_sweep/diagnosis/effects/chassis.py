@@ -6,15 +6,15 @@ In the equations alpha is the slip angle of an axle [rad], F its side force [N],
 
 from __future__ import annotations
 
-from rover_sweep.diagnosis.effects.effect import EffectParameter as P
-from rover_sweep.diagnosis.effects.effect import family
-from rover_sweep.diagnosis.effects.kinds import (
+from rover_sweep.diagnosis.effects.effect import (
     DegreeOfFreedom,
     NominalEffect,
     SpeedEffect,
     SpeedGripEffect,
     VehicleEffect,
+    family,
 )
+from rover_sweep.diagnosis.effects.effect import EffectParameter as P
 
 LAWS = (
     # Start and bounds are those of the bicycle model. r lags and V_y is not zero, more so with speed.

@@ -13,8 +13,14 @@ import numpy as np
 from rover_sweep.data.geometry import GRAVITY
 from rover_sweep.data.recording import Array, LowPass
 from rover_sweep.diagnosis.effects.effect import EffectParameter as P
-from rover_sweep.diagnosis.effects.effect import Values, family
-from rover_sweep.diagnosis.effects.kinds import FilterEffect, Motion, NominalEffect, SensorEffect
+from rover_sweep.diagnosis.effects.effect import (
+    FilterEffect,
+    Motion,
+    NominalEffect,
+    SensorEffect,
+    Values,
+    family,
+)
 
 USUAL_DELAY = 0.02  # s, of the steering itself
 

@@ -10,15 +10,16 @@ import numpy as np
 from numba import njit
 
 from rover_sweep.data.recording import Array
-from rover_sweep.diagnosis.effects.effect import EffectParameter as P
-from rover_sweep.diagnosis.effects.effect import Values, family
-from rover_sweep.diagnosis.effects.kinds import (
+from rover_sweep.diagnosis.effects.effect import (
     CommandEffect,
     LinkageEffect,
     NominalEffect,
     ServoEffect,
+    Values,
     VehicleEffect,
+    family,
 )
+from rover_sweep.diagnosis.effects.effect import EffectParameter as P
 
 BANDS, SPREAD = 16, 0.12  # bands whose mean is a law that jumps, and how far they lie about the one
 

@@ -10,9 +10,17 @@ import numpy as np
 
 from rover_sweep.data.geometry import GRAVITY
 from rover_sweep.data.recording import Array
+from rover_sweep.diagnosis.effects.effect import (
+    DriftEffect,
+    Force,
+    ForceEffect,
+    GripEffect,
+    Motion,
+    Reported,
+    Values,
+    family,
+)
 from rover_sweep.diagnosis.effects.effect import EffectParameter as P
-from rover_sweep.diagnosis.effects.effect import Reported, Values, family
-from rover_sweep.diagnosis.effects.kinds import DriftEffect, Force, ForceEffect, GripEffect, Motion
 
 
 def _by_heading(motion: Motion, cosine: float, sine: float) -> Array:

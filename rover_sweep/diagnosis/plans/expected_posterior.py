@@ -33,7 +33,7 @@ from rover_sweep.data.recording import Array
 from rover_sweep.diagnosis.plans.run_evidence import Assumed, RunEvidence
 from rover_sweep.diagnosis.posterior.weights import ELSE, FIRST, POWER, SPAN, WIDTH
 from rover_sweep.diagnosis.problem.least_squares import COARSE, WEAK
-from rover_sweep.diagnosis.search.candidate_fits import INSTANTS
+from rover_sweep.diagnosis.search import INSTANTS
 
 DRAWS = 32  # sets of data of each truth
 NONE, OTHER = "", "something else"

@@ -7,15 +7,67 @@ the expected probabilities follow from the weights that a diagnosis uses (`expec
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from math import sqrt
 
-from rover_sweep.data.geometry import Geometry
-from rover_sweep.data.tolerances import Tolerances
-from rover_sweep.diagnosis.plans.detectable_sizes import detectable
-from rover_sweep.diagnosis.plans.plan_result import Limits, Plan, PlannedRun
-from rover_sweep.diagnosis.plans.planner import Planner, Progress, SetResult
-from rover_sweep.diagnosis.plans.proposals import allowed, candidates, run_text
+import numpy as np
+
+from rover_sweep.data.geometry import Geometry, Tolerances
+from rover_sweep.diagnosis.plans.expected_posterior import NONE, OTHER, RunSet, expected
+from rover_sweep.diagnosis.plans.planner import (
+    DetectableSize,
+    Limits,
+    Plan,
+    PlannedRun,
+    Planner,
+    Progress,
+    SetResult,
+    allowed,
+    candidates,
+    run_text,
+)
+from rover_sweep.diagnosis.plans.run_evidence import Assumed
+from rover_sweep.diagnosis.posterior.infer import SURE
+from rover_sweep.diagnosis.posterior.upper_bounds import reported_value
+from rover_sweep.diagnosis.search import least_size
 from rover_sweep.diagnosis.simulation.experiment import Experiment
+
+# Detectable sizes: from which a diagnosis of these runs is expected to name an effect.
+
+
+PASSES = 8  # bisections, of a range of sizes of 256: to 2 %
+
+
+def detectable(planner: Planner, runs: Sequence[PlannedRun]) -> dict[str, DetectableSize]:
+    """{asked effect: detectable size of its first parameter}, of those that some size shows in these runs.
+
+    By bisection of the size's logarithm, since the signatures of limits grow faster than the size: the runs
+    are simulated with each effect at the size that is tried.
+    """
+    given = planner.assumed
+    low = dict.fromkeys(planner.asked, 1.0 / 16.0)
+    high = {e: min(16.0, given.reach[e, given.first(e).name].most) for e in planner.asked}
+    sure = dict.fromkeys(planner.asked, False)
+    for n in range(PASSES):
+        planner.progress("computing detectable sizes", 0.85 + 0.15 * n / PASSES)
+        tried = {e: sqrt(low[e] * high[e]) for e in planner.asked}
+        p = expected(planner.together(runs, tried), planner.asked).sure
+        for effect, size in tried.items():
+            named = p[effect] >= SURE
+            sure[effect] |= named
+            (high if named else low)[effect] = size
+    return {e: _shown(given, e, high[e]) for e in planner.asked if sure[e]}
+
+
+def _shown(given: Assumed, effect: str, times: float) -> DetectableSize:
+    """The size as a user reads it; times: over the reach."""
+    law, p = given.effects[effect], given.first(effect)
+    reach, least = given.reach[effect, p.name], least_size(law, p, given.model, given.x)
+    way = 1.0 if reach.distance > 0.0 else -1.0
+    size = max(way * (reach.start + times * reach.distance) / p.per, least)
+    name, unit, value = reported_value(law, p, way * size)
+    return DetectableSize(name, unit, value, reported_value(law, p, way * least)[2] if least > 0.0 else None)
+
 
 LEAST_BITS = 0.1  # information for which a run is worth its drive
 NAMED = 6  # effects that a sentence names
@@ -126,3 +178,62 @@ def _notes(outside: Sequence[PlannedRun], limits: Limits) -> tuple[str, ...]:
         kept,
         *(f"the {run_text(run)} exceeds these limits, so its result is not reliable" for run in outside),
     )
+
+
+# The run to add to driven ones: what each choice is expected to tell about the explanations left open.
+
+
+Odds = Mapping[str, float]
+"""{explanation: its probability after the driven runs}, of effects, NONE and OTHER; need not sum to 1."""
+
+
+@dataclass(frozen=True)
+class RunValue:
+    """What one more run is expected to tell.
+
+    bits: information on the open explanations. settles: effects that it is expected to make sure, if they are
+    the truth.
+    """
+
+    run: PlannedRun
+    bits: float
+    settles: tuple[str, ...] = ()
+
+
+def effects_of(odds: Odds) -> tuple[str, ...]:
+    """The effects among the explanations."""
+    return tuple(e for e in odds if e not in (NONE, OTHER))
+
+
+def run_values(
+    planner: Planner, driven: Sequence[PlannedRun], choices: Sequence[PlannedRun], odds: Odds
+) -> tuple[RunValue, ...]:
+    """The choices that are worth their drive, the best first.
+
+    Each effect is taken at the size at which the driven runs are expected to leave it as probable as it is.
+    """
+    truths = [e for e, p in odds.items() if e in {NONE, *planner.asked} and p > 0.0]
+    if len(truths) < 2:
+        return ()
+    planner.simulate(driven, (0.0, 0.2))
+    planner.simulate(choices, (0.2, 0.9))
+    now = planner.together(driven)
+    amounts = [_amount(now, e, odds[e]) for e in truths]
+    before, found = expected(now, truths, amounts), []
+    share = sum(odds[e] for e in truths) / sum(odds.values())
+    for run in choices:
+        after = expected(planner.together((*driven, run)), truths, amounts)
+        settles = tuple(e for e in effects_of(after.sure) if after.sure[e] >= SURE > before.sure[e])
+        bits = share * (after.information(odds) - before.information(odds))
+        found.append(RunValue(run, bits, settles))
+    return tuple(sorted((v for v in found if v.bits >= LEAST_BITS), key=lambda v: v.bits, reverse=True))
+
+
+def _amount(runs: RunSet, effect: str, probability: float) -> float:
+    """The least amount of an effect, over its reach, with this expected probability, or the largest one."""
+    if effect == NONE:
+        return 0.0
+    tried = np.geomspace(1.0 / 16.0, 4.0, 13)
+    found = expected(runs, [effect] * tried.size, tried.tolist())
+    p = np.array([share[effect] for share in found.shares])
+    return float(tried[np.argmax(p >= min(probability, np.max(p)))])

@@ -18,22 +18,21 @@ from scipy.fft import rfft
 
 from rover_sweep.data.recording import Array
 from rover_sweep.diagnosis.effects import Effect, EffectParameter
-from rover_sweep.diagnosis.posterior.model_error import (
+from rover_sweep.diagnosis.posterior.model_fit import (
     COMMON,
     OWN,
     errors_of_coefficients,
     errors_of_responses,
+    fit_with_floor,
 )
-from rover_sweep.diagnosis.posterior.model_fit import fit_with_floor
 from rover_sweep.diagnosis.problem.least_squares import Fitted, sensitivities
 from rover_sweep.diagnosis.problem.noise_floor import Floor
 from rover_sweep.diagnosis.problem.residuals import Problem, Rows, whitened, with_floor
-from rover_sweep.diagnosis.problem.signatures import Signature, columns, signatures
-from rover_sweep.diagnosis.problem.speed_drift import speed_drift
+from rover_sweep.diagnosis.problem.signatures import Signature, columns, signatures, speed_drift
 from rover_sweep.diagnosis.simulation.candidates import Model
 from rover_sweep.diagnosis.simulation.experiment import RATE, Experiment
+from rover_sweep.diagnosis.simulation.simulator import wheel_angle
 from rover_sweep.diagnosis.simulation.structure import Structure
-from rover_sweep.diagnosis.simulation.wheel_angle import wheel_angle
 
 NOISE = {
     "Hz": (0.25, 0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 10.0, 12.0),

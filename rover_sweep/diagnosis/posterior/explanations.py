@@ -16,7 +16,7 @@ import numpy as np
 from rover_sweep.diagnosis.effects import Effect
 from rover_sweep.diagnosis.problem.least_squares import COARSE, Fitted, fit, sensitivities
 from rover_sweep.diagnosis.problem.residuals import Problem, Stopped
-from rover_sweep.diagnosis.search.candidate_fits import (
+from rover_sweep.diagnosis.search import (
     ASTRAY,
     PER_PARAMETER,
     Screened,

@@ -8,10 +8,11 @@ from functools import partial
 
 import numpy as np
 
+from rover_sweep.data.geometry import Geometry, Tolerances
 from rover_sweep.diagnosis.effects import Effect
-from rover_sweep.diagnosis.held_out.worth import FittedModel, scaled_floor
+from rover_sweep.diagnosis.held_out import FittedModel, HeldOutRun, refitted_without, scaled_floor, worse_by
 from rover_sweep.diagnosis.posterior.explanations import Explanation, explored, refitted
-from rover_sweep.diagnosis.posterior.model_fit import ModelFit, in_metric_of, model_fit
+from rover_sweep.diagnosis.posterior.model_fit import ModelFit, fit_with_floor, in_metric_of, model_fit
 from rover_sweep.diagnosis.posterior.unnamed import UnnamedFamily, families, held_out_costs
 from rover_sweep.diagnosis.posterior.weights import (
     ELSE,
@@ -25,6 +26,7 @@ from rover_sweep.diagnosis.posterior.weights import (
 )
 from rover_sweep.diagnosis.problem.least_squares import COARSE, cost_of, fit, sensitivities
 from rover_sweep.diagnosis.problem.residuals import Problem, never, with_floor
+from rover_sweep.diagnosis.result import Baseline
 from rover_sweep.diagnosis.simulation.candidates import Model, possible
 from rover_sweep.diagnosis.simulation.experiment import Experiment
 
@@ -260,3 +262,76 @@ def _of(
     gain = min(e.cost for e in found.pool if e.effects <= rest) - last.fitted.cost
     law = next(last.model.law(n) for n in last.model.effects if last.model.law(n).id == effect)
     return Named(law, weighed.effects.get(effect, 0.0), dict(others), max(gain, 0.0))
+
+
+# Which model a simulation follows: the simplest one that fits its recordings.
+
+
+LADDER: tuple[Baseline, ...] = ("kinematic", "bicycle", "roll-yaw")
+EQUAL_COST = 1.3  # factor on the most complex model's cost, up to which a simpler model fits as well
+
+
+def baseline_of(runs: Sequence[Experiment], rover: Geometry) -> Baseline:
+    """The baseline of a simulation, with the noise floor of the most complex model's residual."""
+    has_roll = bool(rover.sprung_mass and rover.h and rover.roll_inertia)
+    ladder = LADDER if has_roll else LADDER[:-1]
+    fullest, found = fit_with_floor(runs, Model(ladder[-1], rover, Tolerances()), {})
+    problem = with_floor(runs, fullest.floor)
+    for baseline in ladder[:-1]:
+        model = Model(baseline, rover, Tolerances())
+        start = {c.name: c.start for c in model.free}
+        if fit(problem, model.structure, model.free, start).data_cost < EQUAL_COST * found.data_cost:
+            return baseline
+    return ladder[-1]
+
+
+# Takes out the names that held-out runs refute: an effect must improve runs that the fit did not use.
+
+
+Judged = tuple[Inference, tuple[HeldOutRun, ...], Mapping[str, FittedModel], Mapping[str, float]]
+
+
+def without_refuted(found: Inference, held: Sequence[Experiment]) -> Judged:
+    """(the inference without refuted names, held-out runs, {name: model without it}, {refuted: probability}).
+
+    An effect is refuted where the held-out runs together are predicted worse with it than by the other
+    effects refitted, beyond the noise. What it explains in the runs has another cause, so the explanations
+    with it count as something else. The worst one goes first, as the others may be right without it.
+    """
+    refuted: dict[str, float] = {}
+    while True:
+        last, whole = found.last, nearest_fit(found.last)
+        runs = tuple(HeldOutRun.of(run, last.problem.floor, whole) for run in held)
+        names = [named.law.id for named in found.named]
+        rests = {name: _without(name, found, whole) for name in names} if held else {}
+        worse = {name: _worse_by(runs, rest, whole) for name, rest in rests.items()}
+        worst = max(worse, key=lambda name: worse[name], default="")
+        if not worst or worse[worst] <= 0.0:
+            return found, runs, rests, refuted
+        refuted[worst] = found.posterior.effects.get(worst, 0.0)
+        found = _taken_out(worst, found, rests[worst])
+
+
+def nearest_fit(last: ModelFit) -> FittedModel:
+    """The fit nearest to the recordings: a model alone, without a rover's tolerances, predicts a run."""
+    return FittedModel(last.model, last.closest.x)
+
+
+def _without(effect: str, found: Inference, whole: FittedModel) -> FittedModel:
+    if set(whole.model.ids) == {effect}:
+        return nearest_fit(found.none)
+    return refitted_without(effect, found.last.problem.plain, whole)
+
+
+def _worse_by(runs: Sequence[HeldOutRun], rest: FittedModel, whole: FittedModel) -> float:
+    before, after = (np.concatenate([run.residual(m) for run in runs]) for m in (rest, whole))
+    return worse_by(before, after)
+
+
+def _taken_out(effect: str, found: Inference, rest: FittedModel) -> Inference:
+    last, problem = found.none, found.last.problem
+    if rest.model.effects:
+        fitted = fit(problem, rest.model.structure, rest.model.free, rest.x)
+        last = found.none.with_explanation(rest.model, sensitivities(problem, fitted))
+    kept = tuple(named for named in found.named if named.law.id != effect)
+    return replace(found, last=last, posterior=found.posterior.without(effect), named=kept, families=())

@@ -2,20 +2,235 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
+from math import exp
+from typing import Any
 
 import numpy as np
+from scipy.fft import rfft
 
-from rover_sweep.diagnosis.effects.kinds import SpeedGripEffect, VehicleEffect
-from rover_sweep.diagnosis.posterior.model_error import structural_error
+from rover_sweep.data.geometry import GRAVITY
+from rover_sweep.data.recording import Array
+from rover_sweep.diagnosis.effects.effect import (
+    Effect,
+    EffectParameter,
+    ForceEffect,
+    LinkageEffect,
+    SensorEffect,
+    SpeedGripEffect,
+    VehicleEffect,
+)
 from rover_sweep.diagnosis.problem.least_squares import COARSE, Fitted, fit, sensitivities
-from rover_sweep.diagnosis.problem.residuals import Problem, centred, problem
-from rover_sweep.diagnosis.problem.signatures import columns, signatures
-from rover_sweep.diagnosis.problem.speed_drift import speed_drift
+from rover_sweep.diagnosis.problem.residuals import Problem, Rows, centred, problem
+from rover_sweep.diagnosis.problem.signatures import Signature, columns, signatures, speed_drift
 from rover_sweep.diagnosis.simulation.candidates import Model, possible
-from rover_sweep.diagnosis.simulation.experiment import Experiment
-from rover_sweep.diagnosis.simulation.simulator import Sensors, logged
+from rover_sweep.diagnosis.simulation.experiment import RATE, Experiment
+from rover_sweep.diagnosis.simulation.simulator import Sensors, logged, motion, sensed
+from rover_sweep.diagnosis.simulation.structure import Structure
+from rover_sweep.diagnosis.simulation.table_law import FORCES, force_at
+
+# The rows that any small force, steering angle or sensor error would add to a fitted model.
+#
+# The response to a short pulse at a place, simulated once in each run, is the model's impulse response h
+# there, through all its sensors. An added signal s(t) then changes a channel by the convolution of h and s,
+# so that a law costs one Fourier transform and no simulation. It is exact for a linear model at a constant
+# speed; the curves that are chosen are fitted in the simulation itself.
+
+
+LENGTH = 4.0  # s, of an impulse response
+PULSE_AT = 0.3  # of the run's length
+ANGLE = 0.02  # rad, of a pulse of the steering
+WEIGHT = 0.1  # of a pulse of force, as a share of the weight
+
+
+@dataclass(frozen=True, eq=False)
+class RunTransfers:
+    """One run of a fitted model. motion {name: (n,)}, signals {channel: (n,)}: of the model, before filters.
+
+    responses {place: {channel: frequency response (k,) at the lines of the run's Fourier transform}}.
+    """
+
+    run: Experiment
+    motion: Mapping[str, Array]
+    signals: Mapping[str, Array]
+    responses: Mapping[str, Mapping[str, Any]]
+
+
+def transfers(
+    runs: Sequence[Experiment], structure: Structure, x: Mapping[str, float], places: Sequence[str] = ()
+) -> list[RunTransfers]:
+    """The impulse responses of a model at the coordinates x in each run. places: () for all."""
+    return [_of_run(run, structure, x, places or places_in(structure, run)) for run in runs]
+
+
+def added_rows(problem: Problem, found: Sequence[RunTransfers], place: str, spectra: Sequence[Any]) -> Array:
+    """Whitened rows (size,) that signals add at a place, in the problem's metric.
+
+    spectra: those of the signals, as `tapered_spectrum` gives them, one for each run.
+    """
+    parts = []
+    for row in problem.rows:
+        response = found[row.run].responses.get(place, {}).get(row.channel)  # a run may lack the place
+        if response is None:
+            parts.append(np.zeros(row.size))
+            continue
+        lines = response[row.bins] * spectra[row.run][row.bins] * row.weight
+        parts += [lines.real, lines.imag]
+    return problem.of(np.concatenate(parts).astype(np.float64))
+
+
+def tapered_spectrum(run: Experiment, s: Array) -> Any:
+    """Spectrum of a tapered signal s (n,). The taper is slow, so that it may act before the response."""
+    return rfft((s * run.taper).astype(np.float32))
+
+
+def _of_run(
+    run: Experiment, structure: Structure, x: Mapping[str, float], places: Sequence[str]
+) -> RunTransfers:
+    sensors = Sensors.of(run)
+    plain = logged(run, structure, x, sensors)
+    moved = motion(run, structure, x)
+    at = int(PULSE_AT * run.t.size)
+    n = min(int(LENGTH * RATE), run.t.size - at)
+    responses = {}
+    for place in places:
+        effect, pulse = _pulse(place, structure, at)
+        more = replace(structure, effects=(*structure.effects, effect))
+        log = logged(run, more, x, sensors)
+        change = {c: (log[c] - plain[c])[at - 2 : at - 2 + n] / pulse for c in plain}
+        responses[place] = {c: _early(h, run.t.size) for c, h in change.items() if np.max(np.abs(h)) > 0}
+    return RunTransfers(run, moved, sensed(run, structure, x, moved), responses)
+
+
+def _early(h: Array, size: int) -> Any:
+    """Spectrum of a response that begins two samples before its pulse, as the filters are not causal."""
+    return rfft(np.roll(np.concatenate((h, np.zeros(size - h.size))), -2).astype(np.float32))
+
+
+def places_in(structure: Structure, run: Experiment) -> tuple[str, ...]:
+    """The places at which a law can act in this model."""
+    forces = FORCES if structure.slip and not structure.lumped else ()
+    body = [place for place in forces if structure.roll or place != "roll moment"]
+    return ("steering", *body, *(f"sensor of {c}" for c in run.measured))
+
+
+def _pulse(place: str, structure: Structure, at: int) -> tuple[Effect, float]:
+    """(effect that adds a pulse of one sample at the index `at`, its height)."""
+    rover = structure.rover
+    common: dict[str, Any] = {
+        "id": "pulse",
+        "title": "pulse",
+        "equation": "",
+        "source": "",
+        "apart": "",
+        "next_run": "",
+        "parameters": (EffectParameter("none", "", 1.0, 0.0, 1.0, ""),),
+    }
+    if place == "steering":
+        return LinkageEffect(**common, act=lambda d, q: _plus(d, at, ANGLE)), ANGLE
+    if place.startswith("sensor of "):
+        act = partial(_sense, place.split()[-1], at)
+        return SensorEffect(**common, act=act), 1.0
+    height = WEIGHT * rover.mass * GRAVITY * (rover.wheelbase if "moment" in place else 1.0)
+    push = force_at(place, rover)
+    return ForceEffect(**common, act=lambda m, q, mass: _force(push, m["t"].size, at, height)), height
+
+
+def _force(push: tuple[float, float, float], n: int, at: int, height: float) -> tuple[Array, Array, Array]:
+    pulse = _plus(np.zeros(n), at, height)
+    return push[0] * pulse, push[1] * pulse, push[2] * pulse
+
+
+def _sense(channel: str, at: int, out: Any, m: Any, q: Any) -> Any:
+    return {**out, channel: _plus(out[channel], at, 1.0)}
+
+
+def _plus(x: Array, at: int, height: float) -> Array:
+    out = x.copy()
+    out[at] += height
+    return out
+
+
+# The error that every model of a rover has, as a term of the covariance.
+#
+# No rover is a single track with roll: unsprung masses, a roll axis that nobody sees, Ackermann geometry,
+# creeping tyres, three dimensions. What they leave is no noise, and without this term an effect of the
+# library is fitted to it, and named. Three coefficients of the equations, alike in all runs, are known no
+# better than:
+#
+#     Y_f += C z_f p/V,  Y_r += C z_r p/V    z ~ N(0, (HEIGHT h)^2): the tyres' contact moves sideways with p
+#     N += t m a_y                           t ~ N(0, (TRAIL L)^2): pneumatic trail
+#
+# And each modelled response is uncertain by `COMMON` of its gain, and by as much in phase [rad], in every
+# octave and alike in all runs, and by `OWN` in each run for itself:
+#
+#     rows = (1 + sum over octaves k of (a_k + i b_k) hat_k(log2 f)) modelled rows,   a_k, b_k ~ N(0, rho^2)
+#
+# The hats are linear in log2 f and sum to 1. Kennedy and O'Hagan 2001: Bayesian calibration of computer
+# models (the discrepancy), J. R. Statist. Soc. B 63(3); here it is relative, and a Gaussian process on few
+# knots. The four sizes are those under which healthy rovers of four engines are most probable.
+
+
+COMMON = 0.007  # standard deviation of the relative error that all runs share
+OWN = 0.005  # of the one of each run
+HEIGHT = 0.5  # of the contact's way sideways, over that of the CG
+TRAIL = 0.025  # of the wheelbase
+KNOTS = 0.04 * 2.0 ** np.arange(9)  # Hz, an octave apart, from below the sweeps to beyond the highest line
+
+
+def structural_error(problem: Problem, fitted: Fitted) -> list[Signature]:
+    """Its signatures at one standard deviation, of a problem without metric and the model fitted to it."""
+    return [*errors_of_coefficients(problem, fitted), *errors_of_responses(problem, fitted)]
+
+
+def errors_of_coefficients(problem: Problem, fitted: Fitted) -> Iterator[Signature]:
+    """Of coefficients that a model with slipping tyres has, and no measurement decides."""
+    structure, x = fitted.structure, fitted.x
+    if structure.lumped or not structure.slip:
+        return
+    rover, stiffness = structure.rover, exp(x["ln_C"])
+    parts = {"yaw moment": ("trail", TRAIL * rover.wheelbase * rover.mass)}
+    if structure.roll and rover.h:
+        height = HEIGHT * rover.h * exp(x.get("ln_h", 0.0))
+        parts |= {f"side force {end}": (f"roll axis {end}", height * stiffness) for end in ("front", "rear")}
+    found = transfers(problem.runs, structure, x, tuple(parts))
+    for place, (name, size) in parts.items():
+        driving = [t.motion["across"] if name == "trail" else t.motion["p"] / t.motion["V"] for t in found]
+        spectra = [tapered_spectrum(t.run, size * s) for t, s in zip(found, driving, strict=True)]
+        yield Signature("structure", name, 1.0, True, added_rows(problem.plain, found, place, spectra))
+
+
+def errors_of_responses(problem: Problem, fitted: Fitted) -> list[Signature]:
+    """Of gain and phase in each octave of each channel."""
+    modelled = problem.plain_models(fitted.structure, [fitted.x])[0]
+    out = []
+    for channel in dict.fromkeys(r.channel for r in problem.rows):
+        runs = [r for r in problem.rows if r.channel == channel]
+        for size, members in ((COMMON, runs), *((OWN, [r]) for r in runs if len(runs) > 1)):
+            out += list(_of_response(channel, size, members, modelled))
+    return out
+
+
+def _of_response(channel: str, size: float, members: list[Rows], modelled: Array) -> Iterator[Signature]:
+    """The signatures of one channel in some runs: gain and phase of each octave that their lines reach."""
+    for knot in range(KNOTS.size):
+        gain, phase = np.zeros(modelled.size), np.zeros(modelled.size)
+        for r in members:
+            hat = size * _hat(knot, r.f)
+            real, imag = slice(r.start, r.start + r.bins.size), slice(r.start + r.bins.size, r.start + r.size)
+            gain[real], gain[imag] = hat * modelled[real], hat * modelled[imag]
+            phase[real], phase[imag] = -hat * modelled[imag], hat * modelled[real]
+        if gain.any():
+            yield Signature("structure", f"gain of {channel} at {KNOTS[knot]:.3g} Hz", size, True, gain)
+            yield Signature("structure", f"phase of {channel} at {KNOTS[knot]:.3g} Hz", size, True, phase)
+
+
+def _hat(knot: int, f: Array) -> Array:
+    """The hat (k,) of one knot over log2 of f (k,) [Hz]; the first and the last go on beyond the knots."""
+    place = np.log2(np.clip(f, KNOTS[0], KNOTS[-1]) / KNOTS[0])
+    return np.maximum(0.0, 1.0 - np.abs(place - knot))
 
 
 @dataclass(frozen=True, eq=False)

@@ -23,10 +23,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rover_sweep.data.by_name import ByName
 from rover_sweep.data.recording import Array
+from rover_sweep.data.results import ByName
 from rover_sweep.diagnosis.effects import library
-from rover_sweep.diagnosis.held_out.worth import FittedModel, HeldOutRun, fit_of
+from rover_sweep.diagnosis.held_out import FittedModel, HeldOutRun, fit_of
 from rover_sweep.diagnosis.posterior.infer import SURE
 from rover_sweep.diagnosis.posterior.weights import FIRST, SPAN, WIDTH
 from rover_sweep.diagnosis.problem.least_squares import COARSE

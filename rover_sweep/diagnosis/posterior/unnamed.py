@@ -14,22 +14,245 @@ each frequency, the resonator's displacement and its velocity; their shares are 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from math import exp
 from typing import Any
 
 import numpy as np
 
 from rover_sweep.data.recording import Array
-from rover_sweep.diagnosis.posterior.curve_families import groups, unit_spectra
-from rover_sweep.diagnosis.posterior.transfers import RunTransfers, added_rows, transfers
+from rover_sweep.diagnosis.effects.effect import CommandEffect, LinkageEffect
+from rover_sweep.diagnosis.posterior.model_fit import (
+    ModelFit,
+    RunTransfers,
+    added_rows,
+    tapered_spectrum,
+    transfers,
+)
+from rover_sweep.diagnosis.posterior.parameter_intervals import LEVEL
 from rover_sweep.diagnosis.problem.least_squares import WEAK, Fitted, prior_information, sensitivities
 from rover_sweep.diagnosis.problem.residuals import Problem
-from rover_sweep.diagnosis.search.candidate_fits import tangent
-from rover_sweep.diagnosis.simulation.table_law import TableLaw, resonator
+from rover_sweep.diagnosis.result import LawCurve
+from rover_sweep.diagnosis.search import tangent
+from rover_sweep.diagnosis.simulation.simulator import motion, vehicle_numbers
+from rover_sweep.diagnosis.simulation.single_track import SGN_WIDTH, VehicleNumbers, tyre_force
+from rover_sweep.diagnosis.simulation.structure import Structure, Values
+from rover_sweep.diagnosis.simulation.table_law import TableLaw, acting, quantity, remembered, resonator
+
+# Candidate laws: each place with each quantity that it may depend on, as a group of hat functions.
+#
+# A group is a curve with free points: linear between `KNOTS` points over the range that the runs visited.
+
+
+KNOTS = 7
+LEAST = 1e-9  # range of a quantity below which it does not vary
+LAGS = (0.03, 0.1, 0.3)  # s
+PLAYS = (0.1, 0.25)  # of the largest steering angle
+_BODY = ("delta", "delta_dot", "a_y", "r", "p", "phi", "beta", "v", "psi", "t")
+_SCALED = (("t", "delta"), ("v", "delta"), ("t", "a_y"), ("v", "a_y"), ("psi", "v^2"))
+_OVER: dict[str, tuple[str, ...]] = {
+    "steering": ("delta", "delta_dot"),
+    "side force front": _BODY,
+    "side force rear": _BODY,
+    "side force": _BODY,
+    "yaw moment": _BODY,
+    "roll moment": ("phi", "p", "a_y", "delta", "r", "v", "psi", "t"),
+    "sensor of r": ("signal", "signal_dot", "p", "a_y", "v", "t", "psi", "phi"),
+    "sensor of ay": ("signal", "signal_dot", "r", "p", "r_dot", "p_dot", "v_dot", "v", "t", "psi"),
+    "sensor of p": ("signal", "signal_dot", "r", "a_y", "r_dot", "v", "t", "psi"),
+    "sensor of vy": ("signal", "signal_dot", "r", "a_y", "phi", "v", "t", "psi"),
+}
+_FACTORED: dict[str, tuple[tuple[str, str], ...]] = {
+    "side force front": _SCALED,
+    "side force rear": (*_SCALED[2:], ("t", "r")),
+    "side force": (("psi", "v^2"), ("v", "a_y"), ("t", "a_y")),
+    "yaw moment": (("t", "r"), ("v", "r"), ("psi", "v^2")),
+}
+_REMEMBERING = {
+    "steering": "delta",
+    "side force rear": "a_y",
+    "yaw moment": "r",
+    "roll moment": "p",
+    "sensor of r": "signal",
+    "sensor of ay": "signal",
+    "sensor of p": "signal",
+    "sensor of vy": "signal",
+}
+
+
+def groups(found: Sequence[RunTransfers]) -> Iterator[TableLaw]:
+    """The candidates that can act in these runs, with their points and y = 0."""
+    for place in found[0].responses:
+        for over in _OVER[place]:
+            yield from _over_range(TableLaw(place, over, (), ()), found)
+        for over, times in _FACTORED.get(place, ()):
+            yield from _over_range(TableLaw(place, over, (), (), times), found)
+        over = _REMEMBERING.get(place, "")
+        for lag in LAGS if over else ():
+            yield from _over_range(TableLaw(place, over, (), (), memory="lag", size=lag), found)
+        if place == "steering":
+            most = max(float(np.max(np.abs(t.motion["delta"]))) for t in found)
+            for share in PLAYS:
+                yield from _over_range(TableLaw(place, over, (), (), memory="play", size=share * most), found)
+
+
+def _over_range(law: TableLaw, found: Sequence[RunTransfers]) -> Iterator[TableLaw]:
+    """The law with points over the range of its quantity; none where the quantity does not vary."""
+    x = np.concatenate([abscissa(law, t) for t in found])
+    low, high = (-np.pi, np.pi) if law.over == "psi" else (float(np.min(x)), float(np.max(x)))
+    if high - low > LEAST and np.ptp(np.quantile(x, (0.05, 0.95))) > LEAST:
+        points = np.linspace(low, high, KNOTS)
+        yield replace(law, x=tuple(points.tolist()), y=(0.0,) * KNOTS)
+
+
+def abscissa(law: TableLaw, t: RunTransfers) -> Array:
+    """The quantity (n,) that the law depends on in one run, with its memory."""
+    return remembered(quantity(law.over, t.motion, signal_of(law, t)), law.memory, law.size)
+
+
+def signal_of(law: TableLaw, t: RunTransfers) -> Array | None:
+    """The signal (n,) of the sensor at which the law acts, None elsewhere."""
+    return t.signals[law.place.split()[-1]] if law.place.startswith("sensor of ") else None
+
+
+def unit_spectra(law: TableLaw, found: Sequence[RunTransfers]) -> list[list[Any]]:
+    """For each coefficient of the law the spectra, one for each run, of what 1 of it adds."""
+    out = []
+    for k in range(len(law.x)):
+        one = replace(law, y=tuple(float(j == k) for j in range(len(law.x))))
+        out.append([tapered_spectrum(t.run, acting(one, t.motion, signal_of(law, t))) for t in found])
+    return out
+
+
+# The answer as curves: tyres, steering, roll damper and yaw moment of the fitted model with 90 % bands.
+#
+# Each curve is the law at rest over the range that the runs visited: lags, delays and changes of ground are
+# no part of it. The bands come from the same draws as the numbers.
+
+
+EVERY = 10  # of the draws
+POINTS = 25
+VISITED = (1.0, 99.0)  # percent of the samples
+SLOWLY = 40  # samples of the steering between two points of its curve
+Law = Callable[[Values, Array], Array]
+
+
+def answer_curves(last: ModelFit, drawn: Sequence[Mapping[str, float]]) -> tuple[LawCurve, ...]:
+    """The curves of both tyres, and of steering, damper and yaw moment where an effect acts on them.
+
+    () of a lumped model.
+    """
+    structure, x = last.model.structure, last.fitted.x
+    if structure.lumped:
+        return ()
+    some = (x, *drawn[::EVERY])
+    found = []
+    if any((structure.of(CommandEffect), structure.of(LinkageEffect))):
+        found.append(_curve("steering", ("command", "rad"), "rad", _loop(last), _wheel(structure), some))
+    if structure.slip:
+        visited = _visited(last)
+        q = vehicle_numbers(structure, x)
+        laws: list[tuple[str, tuple[str, str], str, Law]] = [
+            ("side force front", ("slip angle front", "rad"), "N", _tyre(structure, front=True)),
+            ("side force rear", ("slip angle rear", "rad"), "N", _tyre(structure, front=False)),
+        ]
+        if q.T_roll:
+            laws.append(("roll damper", ("roll rate", "rad/s"), "N m", _damper(structure)))
+        if q.yaw_damp or q.yaw_damp_v:
+            speed = float(np.mean([run.mean_speed for run in last.problem.runs]))
+            laws.append(("yaw moment", ("yaw rate", "rad/s"), "N m", _against_turning(structure, speed)))
+        found += [
+            _curve(place, over, unit, np.linspace(*visited[over[0]], POINTS), law, some)
+            for place, over, unit, law in laws
+        ]
+    return tuple(found)
+
+
+def _curve(
+    place: str, over: tuple[str, str], unit: str, at: Array, law: Law, some: Sequence[Values]
+) -> LawCurve:
+    """The law at the fit, the first of `some`, with its band over the others."""
+    values = np.array([law(x, at) for x in some])
+    low, high = np.percentile(values[1:], LEVEL, axis=0) if len(values) > 1 else (values[0], values[0])
+    low, high = np.minimum(low, values[0]), np.maximum(high, values[0])
+    x, y, below, above = (tuple(map(float, some)) for some in (at, values[0], low, high))
+    return LawCurve(place, (), *over, unit, x, y, below, above, 0.0)
+
+
+def _visited(last: ModelFit) -> dict[str, tuple[float, float]]:
+    """{quantity: range} that the fitted model visits in the runs."""
+    structure, x = last.model.structure, last.fitted.x
+    q = vehicle_numbers(structure, x)
+    seen: dict[str, list[Array]] = {}
+    for run in last.problem.runs:
+        y = motion(run, structure, x)
+        slips = y["v"] + q.a * y["r"], y["v"] - q.b * y["r"]
+        front, rear = (np.arctan(across / y["V"]) for across in slips)
+        parts = {"slip angle front": front - y["delta"], "slip angle rear": rear}
+        for name, values in (parts | {"roll rate": y["p"], "yaw rate": y["r"]}).items():
+            seen.setdefault(name, []).append(values)
+    ends = {name: np.percentile(np.concatenate(parts), VISITED) for name, parts in seen.items()}
+    return {name: (float(low), float(high)) for name, (low, high) in ends.items()}
+
+
+def _loop(last: ModelFit) -> Array:
+    """Commanded angles from the least to the largest of the runs and back [rad]."""
+    every = np.concatenate([run.steer for run in last.problem.runs])
+    low, high = np.percentile(every, VISITED)
+    up = np.linspace(low, high, POINTS)
+    return np.concatenate((up, up[::-1]))
+
+
+def _wheel(structure: Structure) -> Law:
+    """Road-wheel angle after a slow turn to each commanded angle, in their order."""
+
+    def law(x: Values, at: Array) -> Array:
+        twice = np.concatenate((at, at))  # so that play and friction begin as a turn leaves them
+        steps = np.arange(SLOWLY * (twice.size - 1) + 1) / SLOWLY
+        d = np.interp(steps, np.arange(twice.size), twice) * (1.0 + x.get("scale", 0.0))
+        for effect in (*structure.of(CommandEffect), *structure.of(LinkageEffect)):
+            d = effect.act(d, effect.coordinates(x))
+        return np.asarray(d[::SLOWLY][at.size :] - x.get("trim", 0.0))
+
+    return law
+
+
+def _tyre(structure: Structure, front: bool) -> Law:
+    """Side force of an axle over its slip angle, without the shift of load."""
+
+    def law(x: Values, at: Array) -> Array:
+        q: VehicleNumbers = vehicle_numbers(structure, x)
+        stiffness, share = (q.Cf, q.b) if front else (q.Cr, q.a)
+        load = q.m * q.g * share / (q.a + q.b)
+        known = load, 1.0 / load, q.inv_mu, q.bend, q.tyre_form
+        return np.array([tyre_force(slip, stiffness, *known) for slip in at])
+
+    return law
+
+
+def _damper(structure: Structure) -> Law:
+    """Roll moment of damper and dry friction over the roll rate."""
+
+    def law(x: Values, at: Array) -> Array:
+        q = vehicle_numbers(structure, x)
+        return np.asarray(q.b_phi * at + q.T_roll * np.tanh(at / (SGN_WIDTH * exp(q.ln_width))))
+
+    return law
+
+
+def _against_turning(structure: Structure, speed: float) -> Law:
+    """Yaw moment over the yaw rate at a speed [m/s]."""
+
+    def law(x: Values, at: Array) -> Array:
+        q = vehicle_numbers(structure, x)
+        return -(q.yaw_damp + q.yaw_damp_v / speed) * at
+
+    return law
+
 
 LAMBDAS = np.geomspace(1e-3, 1e3, 25)  # over the size at which a family adds a row's standard deviation
-LEVEL = 0.02  # of the prior's penalty on the points themselves, over that on second differences
+ON_POINTS = 0.02  # of the prior's penalty on the points themselves, over that on second differences
 RESONANCES = 0.5 * 2.0 ** (0.5 * np.arange(9))  # Hz
 DAMPING = 0.15  # ratio
 DRIVEN_BY = {  # place: what moves a resonator there; no gyro resonates below 10 Hz
@@ -67,7 +290,7 @@ class UnnamedFamily:
     def _best(self, variance: float) -> tuple[float, Array, Array]:
         k = self.b.size
         bend = np.diff(np.eye(k), n=2, axis=0) if self.law.memory != "resonance" else np.zeros((0, k))
-        root = np.linalg.inv(np.linalg.cholesky(LEVEL * np.eye(k) + bend.T @ bend)).T
+        root = np.linalg.inv(np.linalg.cholesky(ON_POINTS * np.eye(k) + bend.T @ bend)).T
         values, vectors = np.linalg.eigh(root.T @ self.a @ root / variance)
         values = np.maximum(values, 0.0)
         if values[-1] < 1e-12:

@@ -29,8 +29,7 @@ from rover_sweep.diagnosis.effects import Effect, EffectParameter
 from rover_sweep.diagnosis.posterior.model_fit import ModelFit
 from rover_sweep.diagnosis.problem.least_squares import COARSE, WEAK
 from rover_sweep.diagnosis.result import Unseen, UpperBound
-from rover_sweep.diagnosis.search.candidate_fits import Tangent, tangent
-from rover_sweep.diagnosis.search.material import EARLIER, LAGS, least_size, material_sizes
+from rover_sweep.diagnosis.search import EARLIER, LAGS, Tangent, least_size, material_sizes, tangent
 from rover_sweep.diagnosis.simulation.candidates import DEGREES_OF_FREEDOM, Model, possible
 from rover_sweep.diagnosis.simulation.simulator import Sensors, logged
 from rover_sweep.diagnosis.simulation.structure import Structure

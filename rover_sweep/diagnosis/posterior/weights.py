@@ -33,7 +33,7 @@ from rover_sweep.diagnosis.effects import Effect
 from rover_sweep.diagnosis.posterior.explanations import Explanation
 from rover_sweep.diagnosis.posterior.unnamed import UnnamedFamily
 from rover_sweep.diagnosis.problem.least_squares import COARSE, WEAK, Fitted, prior_information
-from rover_sweep.diagnosis.search.material import is_material
+from rover_sweep.diagnosis.search import is_material
 
 COARSE_HELD = 4.5  # t_h
 FIRST, FURTHER = -0.85, -2.7  # ln prior of one effect over none, and of each further one

@@ -41,7 +41,7 @@ from numpy.typing import NDArray
 
 from rover_sweep.data.recording import Array
 from rover_sweep.diagnosis.problem.residuals import Problem
-from rover_sweep.diagnosis.simulation.nominal import Coordinate
+from rover_sweep.diagnosis.simulation.candidates import Coordinate
 from rover_sweep.diagnosis.simulation.structure import Structure
 
 COARSE = 6.0

@@ -63,7 +63,7 @@ class AugmentedModel:
     @property
     def structure(self) -> Structure:
         """The structure for the simulation."""
-        from rover_sweep.data.tolerances import Tolerances
+        from rover_sweep.data.geometry import Tolerances
         from rover_sweep.diagnosis.simulation.candidates import Model
         from rover_sweep.diagnosis.simulation.table_law import with_laws
 

@@ -4,15 +4,217 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
+from math import exp, log, pi
 
-from rover_sweep.data.geometry import GRAVITY, Geometry
-from rover_sweep.data.tolerances import Tolerances
+import numpy as np
+from numba import njit
+
+from rover_sweep.data.geometry import GRAVITY, Geometry, Tolerances
+from rover_sweep.data.recording import Array
 from rover_sweep.diagnosis.effects import Effect, form_named, forms_of, library
-from rover_sweep.diagnosis.effects.kinds import DegreeOfFreedom, SpeedEffect
-from rover_sweep.diagnosis.simulation import lumped_baseline
+from rover_sweep.diagnosis.effects.effect import DegreeOfFreedom, SpeedEffect
 from rover_sweep.diagnosis.simulation.experiment import Experiment
-from rover_sweep.diagnosis.simulation.nominal import Coordinate, coordinates
 from rover_sweep.diagnosis.simulation.structure import Structure
+from rover_sweep.identification.models import lumped as identified
+from rover_sweep.identification.models import roll_yaw
+
+# The nominal model of a baseline: its coordinates with their bounds and priors.
+#
+# Normal tolerances of every rover are coordinates of the nominal model: a lag and a delay up to 40 ms, Cf
+# and Cr within 15 %, a steering scale within 3 % and others. The tolerance is the bound or the prior, so
+# that it is never a finding. Positive physical numbers have logarithmic coordinates.
+
+
+@dataclass(frozen=True)
+class Coordinate:
+    """A number that the fit moves.
+
+    low, high: bounds. scale: typical change. prior: standard deviation about `start`, None for no prior.
+    unit: of the physical parameter.
+    """
+
+    name: str
+    start: float
+    low: float
+    high: float
+    scale: float
+    prior: float | None = None
+    parameter: str = ""
+    """Physical parameter of a logarithmic coordinate, else ""."""
+    unit: str = ""
+    step: float = 0.02
+    """Step of the difference quotients, in scales; 0 for a coordinate that a fit does not move."""
+
+
+def coordinates(
+    baseline: str, rover: Geometry, spread: Tolerances, slip: bool, roll: bool
+) -> tuple[Coordinate, ...]:
+    """The coordinates of a baseline ("kinematic", "bicycle", "roll-yaw").
+
+    spread: normal tolerances. slip, roll: True if the model has them, by the baseline or by an effect.
+    """
+    s, length = spread, rover.wheelbase
+    cg, imu_x, imu_z = s.cg * length, s.imu_x * length, s.imu_z * length
+    out = [
+        Coordinate("lag", 0.02, 0.0, s.lag, 0.01),
+        Coordinate("lag_shape", 0.1, 0.0, 0.5, 0.1, 0.2),  # first order to a damping of .71
+        Coordinate("delay", 0.015, -s.early, s.delay, 0.01),
+        Coordinate("scale", 0.0, -3 * s.scale, 3 * s.scale, 0.02, s.scale),
+        Coordinate("vscale", 0.0, -3 * s.speed, 3 * s.speed, 0.02, s.speed),
+        Coordinate("trim", 0.0, -s.trim, s.trim, 0.005),
+        Coordinate("bias_ay", 0.0, -s.bias_ay, s.bias_ay, 0.1),
+        Coordinate("imu_x", 0.0, -3 * imu_x, 3 * imu_x, 0.01, imu_x),
+        Coordinate("imu_z", 0.0, -3 * imu_z, 3 * imu_z, 0.01, imu_z),
+        Coordinate("ay_lag", 0.0, -3 * s.sensor_lag, 3 * s.sensor_lag, 0.005, s.sensor_lag),
+        Coordinate("p_lag", 0.0, -s.sensor_lag, s.sensor_lag, 0.005, s.sensor_lag / 3),
+        Coordinate("vy_lag", 0.003, 0.0, s.velocity_lag, 0.02),
+        Coordinate("heading", 0.0, -3 * s.heading, 3 * s.heading, 0.01, s.heading),
+        Coordinate("vy_gain", 0.0, -3 * s.velocity_gain, 3 * s.velocity_gain, 0.05, s.velocity_gain),
+    ]
+    if slip:
+        stiffness = 3.0 * rover.mass * GRAVITY / 2
+        inertia = rover.yaw_inertia or rover.mass * rover.a * rover.b
+        wide = (0.4 * rover.wheelbase) ** 2  # half the track of most rovers
+        out += [
+            _log("C", stiffness, "N/rad"),
+            _log("Izz", inertia, "kg m^2"),
+            Coordinate("ln_ratio", 0.0, -s.ratio, s.ratio, 0.1),
+            Coordinate("bend", s.bend, 0.0, 2 * s.bend, 0.3, 0.6 * s.bend),
+            Coordinate("track", 0.0, 0.0, 3 * wide, 0.5 * wide, wide),
+            Coordinate("da", 0.0, -3 * cg, 3 * cg, 0.01, cg),
+        ]
+    elif baseline == "kinematic":
+        out.append(_log("L_eff", rover.wheelbase, "m"))
+    if roll and rover.sprung_mass and rover.h and rover.roll_inertia:
+        about = rover.roll_inertia + rover.sprung_mass * rover.h**2
+        spring = about * (2 * pi * 3.5) ** 2
+        out += [
+            _log("k_phi", spring + rover.sprung_mass * GRAVITY * rover.h, "N m/rad"),
+            _log("b_phi", 0.4 * about * 2 * pi * 3.5, "N m s/rad"),
+            Coordinate("ln_h", 0.0, -3 * s.h, 3 * s.h, 0.05, s.h),
+            Coordinate("ln_Ixx", 0.0, -3 * s.roll_inertia, 3 * s.roll_inertia, 0.1, s.roll_inertia),
+        ]
+    return tuple(out)
+
+
+def physical_numbers(x: Mapping[str, float], rover: Geometry) -> dict[str, float]:
+    """{name as in `implausible`: SI value} of the coordinates of a fitted model."""
+    out = {name: exp(x[f"ln_{name}"]) for name in ("Izz", "k_phi") if f"ln_{name}" in x}
+    if "ln_C" in x:
+        half = 0.5 * x.get("ln_ratio", 0.0)
+        out |= {"Cf": exp(x["ln_C"] + half), "Cr": exp(x["ln_C"] - half)}
+    if rover.roll_inertia and "ln_Ixx" in x:
+        out["Ixx"] = rover.roll_inertia * exp(x["ln_Ixx"])
+    if rover.h and "ln_h" in x:
+        out["h"] = rover.h * exp(x["ln_h"])
+    return out | {"steering_scale": 1.0 + x.get("scale", 0.0)}
+
+
+def _log(name: str, start: float, unit: str) -> Coordinate:
+    value = log(start)
+    return Coordinate(f"ln_{name}", value, value - 3.0, value + 3.0, 0.1, None, name, unit)
+
+
+# The lumped (Taylor series) model as a baseline, equation (19) of the paper, driven at the measured speed.
+#
+#     v' + V r = (Y_v v + Y_r r)/V + Y_p p + Y_phi phi + Y_delta d,   and the same for p' with L, r' with N
+#
+# Tyre forces are proportional to v/V and r/V. The derivatives by v and r are therefore multiplied by the
+# speed here, which makes them valid at every speed; divided by it they are those of
+# `identification.models.lumped`. v is V_y at the place of its measurement, and the position of the IMU is
+# relative to that place. Without V_y the derivatives absorb the position. ISO axes, SI units.
+
+
+ROWS, COLUMNS = ("Y", "L", "N"), ("v", "p", "r", "phi", "delta")
+
+
+def derivatives(rover: Geometry, roll: bool) -> tuple[Coordinate, ...]:
+    """The coordinates "Y_v" to "N_delta", those by v and r times the speed; without roll none by p or phi.
+
+    Each is bounded by ten times its first value, or the median of its row where that is larger.
+    """
+    first = _first(rover, roll)
+    rows = {row: {c: first[f"{row}_{c}"] for c in COLUMNS if f"{row}_{c}" in first} for row in ROWS}
+    out = []
+    for row, values in rows.items():
+        middle = float(np.median(np.abs(list(values.values())))) if values else 0.0
+        for column, value in values.items():
+            reach = max(10.0 * abs(value), middle)
+            out.append(Coordinate(f"{row}_{column}", value, -reach, reach, 0.03 * reach, 0.5 * reach))
+    return tuple(out)
+
+
+def _first(rover: Geometry, roll: bool) -> dict[str, float]:
+    """First values from the rover's numbers by the roll-yaw model, or without roll by the bicycle model."""
+    if roll:
+        values = identified(rover, roll_yaw(rover), 1.0).values  # at 1 m/s they are those times the speed
+        return {f"{row}_{c}": values[f"{row}_{c}"] for row in ROWS for c in COLUMNS}
+    stiffness = 3.0 * rover.mass * GRAVITY / 2
+    inertia = rover.yaw_inertia or rover.mass * rover.a * rover.b
+    apart, about = rover.a - rover.b, rover.a**2 + rover.b**2
+    side = {"v": -2.0, "r": -apart, "delta": 1.0}
+    yaw = {"v": -apart, "r": -about, "delta": rover.a}
+    return {f"Y_{c}": k * stiffness / rover.mass for c, k in side.items()} | {
+        f"N_{c}": k * stiffness / inertia for c, k in yaw.items()
+    }
+
+
+def start_coordinates(parameters: Mapping[str, float], speed: float) -> dict[str, float]:
+    """Coordinates from the derivatives of a lumped model that was identified at a speed [m/s]."""
+    names = [(row, c) for row in ROWS for c in COLUMNS if f"{row}_{c}" in parameters]
+    return {f"{row}_{c}": parameters[f"{row}_{c}"] * (speed if c in "vr" else 1.0) for row, c in names}
+
+
+def motion(delta: Array, speed: Array, pushed: Array, x: Mapping[str, float], dt: float) -> dict[str, Array]:
+    """Motion {name: (n,)} as `simulator.motion` gives it, ISO axes, SI units.
+
+    delta (n,): road-wheel angle [rad]. speed (n,): V [m/s]. pushed (n,): added side force per mass [m/s^2].
+    x: coordinates. dt: step [s].
+    """
+    table = np.array([[x.get(f"{row}_{c}", 0.0) for c in COLUMNS] for row in ROWS])
+    y = _states(delta, speed, pushed, table, dt)
+    names = ("v", "r", "phi", "p", "across", "r_dot", "p_dot")
+    found = {name: y[:, k] for k, name in enumerate(names)}
+    # v is V_y at the sensor already, while `simulator.sensed` moves "v" to the IMU
+    found["v"] = found["v"] - x.get("imu_x", 0.0) * found["r"] + x.get("imu_z", 0.0) * found["p"]
+    return found
+
+
+@njit(cache=True, nogil=True, fastmath=True)
+def _rates(x, out, d, speed, push, q):  # type: ignore[no-untyped-def]
+    """Fill out (4,) with the slope of the state x (4,), v, r, phi, p; gives v' + V r."""
+    u = (x[0] / speed, x[3], x[1] / speed, x[2], d)
+    side, rolled, turned = push, 0.0, 0.0
+    for k in range(5):
+        side, rolled, turned = side + q[0, k] * u[k], rolled + q[1, k] * u[k], turned + q[2, k] * u[k]
+    out[0], out[1], out[2], out[3] = side - speed * x[1], turned, x[3], rolled
+    return side
+
+
+@njit(cache=True, nogil=True, fastmath=True)
+def _states(steer, speed, push, q, dt):  # type: ignore[no-untyped-def]
+    """Motion (n, 7) in the columns v, r, phi, p, v' + V r, r', p'; RK4 of step dt. q (3, 5): derivatives."""
+    n = steer.size
+    y = np.zeros((n, 7))
+    x, trial, slope, total = np.zeros(4), np.zeros(4), np.zeros(4), np.zeros(4)
+    for k in range(n):
+        end = min(k + 1, n - 1)
+        total[:] = x
+        for stage in range(4):
+            later = 0.0 if stage == 0 else (1.0 if stage == 3 else 0.5)  # share of the step
+            kept, weight = 1.0 - later, dt / 6.0 if stage in (0, 3) else dt / 3.0
+            for i in range(4):
+                trial[i] = x[i] + later * dt * slope[i]
+            d, v = kept * steer[k] + later * steer[end], kept * speed[k] + later * speed[end]
+            across = _rates(trial, slope, d, v, kept * push[k] + later * push[end], q)
+            if stage == 0:
+                y[k, :4], y[k, 4], y[k, 5], y[k, 6] = x, across, slope[1], slope[3]
+            for i in range(4):
+                total[i] += weight * slope[i]
+        for i in range(4):
+            x[i] = total[i] if abs(total[i]) < 1e3 else 0.0  # an unstable trial of the fit
+    return y
+
 
 SAME_SPEED = 0.12  # relative
 DEGREES_OF_FREEDOM = frozenset(e.id for e in library().values() if isinstance(e, DegreeOfFreedom))
@@ -87,7 +289,7 @@ class Model:
             return coordinates(self.baseline, self.rover, self.spread, self.slip, self.roll)
         common = coordinates(self.baseline, self.rover, self.spread, False, False)
         steering = tuple(c for c in common if c.name != "scale")  # Y_delta, L_delta and N_delta include it
-        return (*steering, *lumped_baseline.derivatives(self.rover, self.roll))
+        return (*steering, *derivatives(self.rover, self.roll))
 
     def _released(self, effect: Effect) -> Mapping[str, tuple[float, float]]:
         """Bounds that an effect releases. With one clock only a response before the command is an offset."""

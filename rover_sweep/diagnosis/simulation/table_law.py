@@ -16,8 +16,14 @@ import numpy as np
 
 from rover_sweep.data.geometry import Geometry
 from rover_sweep.data.recording import Array
-from rover_sweep.diagnosis.effects.effect import Effect, EffectParameter, Values
-from rover_sweep.diagnosis.effects.kinds import LinkageEffect, SensorEffect, StateForceEffect
+from rover_sweep.diagnosis.effects.effect import (
+    Effect,
+    EffectParameter,
+    LinkageEffect,
+    SensorEffect,
+    StateForceEffect,
+    Values,
+)
 from rover_sweep.diagnosis.effects.steering import play
 from rover_sweep.diagnosis.simulation.experiment import RATE
 from rover_sweep.diagnosis.simulation.single_track import LAG, NO_LAW, RESONATOR, TABLE, LawNumbers

@@ -32,9 +32,8 @@ from rover_sweep.logs.log import (
     source_of,
     vehicle_of,
 )
-from rover_sweep.logs.readers.applet_messages import applet_output, applet_rows
 from rover_sweep.logs.readers.dataflash import DataFlash, open_parts
-from rover_sweep.logs.readers.main_loop import main_loops
+from rover_sweep.logs.readers.vehicle_clock import applet_output, applet_rows, main_loops
 
 Rows = NDArray[np.void]
 

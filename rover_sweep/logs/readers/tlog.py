@@ -163,7 +163,7 @@ def _follower(data: bytes) -> Callable[[int, int], tuple[int, list[int], list[in
     """`_sound_frames` of the data, compiled where that pays."""
     if len(data) < LARGE:
         return partial(_sound_frames, data)
-    from rover_sweep.logs.readers.compiled_frames import follower
+    from rover_sweep.logs.readers.compiled_scan import follower
 
     return follower(data, _seeds())
 

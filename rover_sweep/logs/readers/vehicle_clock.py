@@ -4,10 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rover_sweep.data.recording import AT_LOOP, Note, Signal
+from rover_sweep.errors import DataRefused
+from rover_sweep.logs.log import AppletRows, Log, are_different, disagreement, increasing, sensor_filters
+from rover_sweep.logs.readers.dataflash import DataFlash, open_parts
 from rover_sweep.logs.readers.tlog import Frames
 
 Array = NDArray[np.float64]
@@ -109,3 +114,177 @@ def _own_time(frames: Frames) -> Array:
     if "time_boot_ms" in (frames.rows.dtype.names or ()):
         return frames.rows["time_boot_ms"].astype(float) * 1e-3
     return frames.rows["time_usec"].astype(float) * 1e-6
+
+
+# Merges a DataFlash log and the telemetry log of the same drive.
+
+
+UNCOVERED = 30.0  # s of the log without telemetry; more gives a warning
+
+
+def paired(flash: Log, telemetry: tuple[Log, ...]) -> Log:
+    """The DataFlash log with the steering, and missing channels, of the telemetry log.
+
+    Both have the vehicle's time since boot, so no alignment is needed; the steering outputs show whether they
+    are of one drive. DataRefused when they are not.
+    """
+    match = max(telemetry, key=lambda log: overlap(flash, log))
+    if overlap(flash, match) < 1.0:
+        raise DataRefused(
+            f"{flash.name} ({_extent(flash)}) and {match.name} ({_extent(match)}) have no vehicle time "
+            "in common: give the two logs of one drive"
+        )
+    difference, spread = _disagreement(flash, match)
+    if are_different(difference, spread):
+        raise DataRefused(
+            f"{flash.name} and {match.name} are not of one drive: their steering outputs differ by "
+            f"{difference:.0f} us (rms) and vary by {spread:.0f} us; give the two logs of one drive"
+        )
+    filters, _ = sensor_filters(flash.parameters, None)
+    borrowed = {c: s for c, s in match.signals.items() if c not in flash.signals}
+    return Log(
+        name=flash.name,
+        signals={**flash.signals, **borrowed},
+        steering=ranked_steering(flash, match),
+        applet=flash.applet,
+        loops=flash.loops,
+        marks=flash.marks or match.marks,
+        parameters={**match.parameters, **flash.parameters},
+        filters={**{c: f for c, f in filters.items() if c in borrowed}, **flash.filters},
+        limits=flash.limits or match.limits,
+        vehicle=flash.vehicle or match.vehicle,
+        firmware=flash.firmware or match.firmware,
+        notes=(
+            *flash.notes,
+            *(Note("info", f"{c} comes from the telemetry log") for c in borrowed),
+            *_coverage(flash, match),
+        ),
+        sources=flash.sources + match.sources,
+    )
+
+
+def _coverage(flash: Log, telemetry: Log) -> Iterator[Note]:
+    """A warning when the steering is known for a part of the log only, so runs may be missed."""
+    if flash.applet is not None or not telemetry.steering:
+        return
+    (a, b), (c, d) = extent(flash), extent(telemetry)
+    if c > a + UNCOVERED or d < b - UNCOVERED:
+        yield Note(
+            "warning",
+            f"The telemetry log covers {c:.0f} to {d:.0f} s of the log's {a:.0f} to {b:.0f} s: "
+            "runs outside are left out",
+        )
+
+
+def ranked_steering(flash: Log, telemetry: Log) -> tuple[Signal, ...]:
+    """The steering outputs, best first: the applet's staircase, then the others by sampling rate."""
+    own = [s for s in flash.steering if s.hold]
+    sampled = [s for s in (*flash.steering, *telemetry.steering) if s not in own]
+    return (*own, *sorted(sampled, key=lambda s: -s.rate))
+
+
+def overlap(one: Log, other: Log) -> float:
+    """Vehicle time [s] that both logs cover."""
+    (a, b), (c, d) = extent(one), extent(other)
+    return min(b, d) - max(a, c)
+
+
+def extent(log: Log) -> tuple[float, float]:
+    """First and last vehicle time [s] of any signal."""
+    signals = [s for s in (*log.signals.values(), *log.steering) if s.t.size]
+    return min((float(s.t[0]) for s in signals), default=0.0), max(
+        (float(s.t[-1]) for s in signals), default=0.0
+    )
+
+
+def _extent(log: Log) -> str:
+    start, end = extent(log)
+    return f"{start:.0f} to {end:.0f} s after boot"
+
+
+def _disagreement(flash: Log, telemetry: Log) -> tuple[float, float]:
+    """(rms difference, standard deviation) [us] of the steering outputs where both have one."""
+    if not flash.steering or not telemetry.steering:
+        return 0.0, 0.0
+    return disagreement(flash.steering[-1], telemetry.steering[0])
+
+
+# Time-stamps commands at the main loop that applied them.
+
+
+MOST_DROPPED = 10  # consecutive loops without their message; more are a hole
+SAME_RATE = 0.05  # relative tolerance of the rate of the stamps around SCHED_LOOP_RATE
+
+
+def main_loops(stamps: Array, parameters: Mapping[str, float]) -> Array | None:
+    """Starts (n,) [s] of the main loops, from the stamps of a message that each loop logs.
+
+    None when the message was logged at another rate than SCHED_LOOP_RATE. IMU is written by `ahrs_update`,
+    before `set_servos` in the same loop (source: the scheduler table of Rover-4.6.3, Rover.cpp). Loops whose
+    message was dropped are interpolated.
+    """
+    rate = parameters.get("SCHED_LOOP_RATE", 0.0)
+    if stamps.size < 2 or rate <= 0 or abs(float(np.median(np.diff(stamps))) * rate - 1.0) > SAME_RATE:
+        return None
+    steps = np.diff(stamps)
+    count = np.rint(steps * rate).astype(int)
+    count[(count < 1) | (count > MOST_DROPPED)] = 1
+    first = np.repeat(np.cumsum(count) - count, count)
+    within = (np.arange(first.size) - first) / np.repeat(count, count)
+    return np.append(np.repeat(stamps[:-1], count) + within * np.repeat(steps, count), stamps[-1])
+
+
+def at_main_loops(steering: Signal, loops: Array | None) -> Signal:
+    """A staircase of commands (pwm, us) with each edge moved to the next main loop, which applies it.
+
+    The outputs are sent once per main loop (source: AP_MotorsUGV::output), so a script's command waits up to
+    one period. Of several commands between two loops only the last is sent. Unchanged when the loops are
+    unknown (None); half a period later where no loop was logged for long.
+    """
+    if loops is None or not steering.hold or steering.t.size == 0:
+        return steering
+    period = float(np.median(np.diff(loops)))
+    k = np.minimum(np.searchsorted(loops, steering.t, "left"), loops.size - 1)
+    near = (loops[k] >= steering.t) & (loops[k] - steering.t <= 1.5 * period)
+    t = np.where(near, loops[k], steering.t + 0.5 * period)
+    last = np.append(np.diff(t) > 0, True)
+    return replace(steering, t=t[last], x=steering.x[last], source=f"{steering.source} {AT_LOOP}")
+
+
+# The number of messages that the autopilot could not write to a log.
+
+
+def dropped_messages(path: Path) -> int | None:
+    """From DSF.Dp, which counts from boot (AP_Logger_File); None for a log without it."""
+    dropped = [np.ptp(part.rows("DSF", "Dp")["Dp"]) for part in open_parts(path) if part.has("DSF", "Dp")]
+    return int(sum(dropped)) if dropped else None
+
+
+# The applet's own messages in a DataFlash log: SWEP of a steering run, SWET of a throttle sweep.
+
+
+def applet_rows(flash: DataFlash, message: str) -> AppletRows | None:
+    """Number and state of the runs; None without that message."""
+    if not flash.has(message, "Run", "St", "T"):
+        return None
+    rows = flash.rows(message)
+    t, (run, state, clock) = increasing(
+        flash.seconds(message, rows), *(flash.column(message, c, rows) for c in ("Run", "St", "T"))
+    )
+    return AppletRows(t, run, state, clock)
+
+
+def applet_output(flash: DataFlash, message: str) -> Signal | None:
+    """The applet's output [us] as a staircase: Out as read back, or Cmd if Out is not the servo output.
+
+    Out is read immediately after it is set, and reaches the servo at the next main loop.
+    """
+    if not flash.has(message, "Cmd", "Out"):
+        return None
+    rows = flash.rows(message)
+    t, (wanted, out) = increasing(
+        flash.seconds(message, rows), flash.column(message, "Cmd", rows), flash.column(message, "Out", rows)
+    )
+    is_output = np.ptp(out) > 0 and float(np.min(out)) > 0
+    name = f"{message}.Out" if is_output else f"{message}.Cmd"
+    return Signal(t, out if is_output else wanted, "us", name, hold=True)

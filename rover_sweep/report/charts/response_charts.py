@@ -2,19 +2,49 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from datetime import UTC, datetime
+from typing import Any
 
 import numpy as np
 
-from rover_sweep.data.recording import Array
-from rover_sweep.identification.cost import costs
+from rover_sweep.comparison.answer import Bode
+from rover_sweep.data.recording import Array, Recording, ThrottleRun
+from rover_sweep.diagnosis.result import TimeHistory
+from rover_sweep.gains.speed_chain import BEFORE as STEP_AT
+from rover_sweep.gains.speed_chain import driven_step
+from rover_sweep.gains.speed_proposal import AssessedSpeed, SpeedProposal
+from rover_sweep.identification.fit import costs
 from rover_sweep.identification.grouping import Group
+from rover_sweep.identification.identify_speed import GOOD, ThrottleCoherence
 from rover_sweep.identification.pipeline import ModelResult
-from rover_sweep.report.charts.chart import Chart, Curve, Panel, Spread, Stack
-from rover_sweep.report.charts.colours import DATA, MARK, OUTSIDE, RESPONSE_WORDS, model_colours
-from rover_sweep.report.wording.shown_units import SI, ShownUnits
-from rover_sweep.spectra.response import COHERENCE_GOOD, FrequencyResponse
-from rover_sweep.spectra.unwrapped import inside_band, nearest_turn, unwrapped_phase
+from rover_sweep.identification.speed_fit import PERIOD, SpeedFit, fitted_speed
+from rover_sweep.identification.verify import Verification
+from rover_sweep.report.charts.chart import (
+    AFTER,
+    BEFORE,
+    CHANNEL_WORDS,
+    DATA,
+    MARK,
+    OUTSIDE,
+    QUIET,
+    RESPONSE_WORDS,
+    Chart,
+    Curve,
+    Panel,
+    Spread,
+    Stack,
+    model_colours,
+)
+from rover_sweep.report.wording import FOOT, SHORT_NAMES, SI, ShownUnits
+from rover_sweep.season.season_result import Drift, TrackedQuantity
+from rover_sweep.spectra.response import (
+    COHERENCE_GOOD,
+    FrequencyResponse,
+    inside_band,
+    nearest_turn,
+    unwrapped_phase,
+)
 from rover_sweep.spectra.windowed import Complex
 
 Models = Mapping[str, ModelResult]
@@ -131,3 +161,310 @@ def limits_around(values: list[Array], least: float) -> tuple[float, float]:
     low, high = (float(x.min()), float(x.max())) if x.size else (0.0, 0.0)
     spare = max(0.08 * (high - low), (least - (high - low)) / 2)
     return low - spare, high + spare
+
+
+# One run measured and simulated before and after, its residual, and the residual over frequency.
+
+
+def overlay_chart(channels: Sequence[TimeHistory], changed: bool = True) -> Chart:
+    """Time histories with residuals, then the spectra. changed: also the simulation after the findings."""
+    run = channels[0]
+    panels = [panel for o in channels for panel in _histories(o, changed)]
+    start, end = 0.0, max(float(o.t[-1] - o.t[0]) for o in channels)
+    stacks = [Stack(run.run, "time, s", tuple(panels), (start, end))]
+    spectra = [o for o in channels if o.w.size > 1]
+    if spectra:
+        span = 0.97 * float(min(o.w[0] for o in spectra)), 1.03 * float(max(o.w[-1] for o in spectra))
+        shown = tuple(_spectrum(o, changed) for o in spectra)
+        stacks.append(Stack("Residual over frequency", "frequency, rad/s", shown, span, "log"))
+    return Chart(tuple(stacks))
+
+
+def _histories(o: TimeHistory, changed: bool) -> tuple[Panel, Panel]:
+    f = 180 / np.pi if o.channel in ("r", "p") else 1.0
+    t, noise = o.t - o.t[0], 2 * o.noise * f
+    word = CHANNEL_WORDS.get(o.channel, o.channel)
+    first = "before" if changed else "model"
+    lines = [Curve("measured", o.measured * f, DATA, width=1.0), Curve(first, o.before * f, **BEFORE)]
+    left = [Curve(f"residual {first}", (o.measured - o.before) * f, BEFORE["colour"], width=1.0)]
+    if changed:
+        lines.append(Curve("after", o.after * f, **AFTER))
+        left.append(Curve("residual after", (o.measured - o.after) * f, AFTER["colour"], width=1.0))
+    unit = word.rpartition(", ")[2]
+    return (
+        Panel(word, t, tuple(lines), height=150),
+        Panel(f"residual, {unit}", t, tuple(left), levels=(-noise, noise), height=100),
+    )
+
+
+def _spectrum(o: TimeHistory, changed: bool) -> Panel:
+    before, after = np.sqrt(o.residual_before), np.sqrt(o.residual_after)
+    lines = [Curve("before" if changed else "model", before, **BEFORE)]
+    lines += [Curve("after", after, **AFTER)] if changed else []
+    top = max(float(np.nanmax(line.y)) for line in lines)
+    limits = (0.0, max(1.1 * top, 3.0))
+    return Panel(
+        f"{SHORT_NAMES.get(o.channel, o.channel)}, times noise",
+        o.w,
+        tuple(lines),
+        limits=limits,
+        levels=(1.0,),
+        height=110,
+    )
+
+
+# Time histories of a run.
+
+
+MARGIN = 4.0  # s shown before and after the manoeuvre
+DEGREES = ("delta", "r", "p")
+
+
+def run_chart(run: Recording, units: ShownUnits = SI) -> Chart:
+    """Steering, yaw rate, lateral acceleration, roll rate and speed over time since the manoeuvre began."""
+    start, end = run.span
+    names = [c for c in ("pwm", "delta", "r", "ay", "p", "speed") if c in run]
+    panels = tuple(_panel(run, name, units) for name in names)
+    length = end - start
+    quiet = [(a - start, b - start, QUIET) for a, b in (*run.standstill, *run.straight)]
+    outside = [(-MARGIN, 0.0, OUTSIDE), (length, length + MARGIN, OUTSIDE)]
+    title = f"{run.name}: {run.kind}, mean speed {run.mean_speed:.2f} m/s"
+    span = (-MARGIN, length + MARGIN)
+    shades = (
+        *outside,
+        *((max(a, span[0]), min(b, span[1]), c) for a, b, c in quiet if a < span[1] and b > span[0]),
+    )
+    return Chart((Stack(title, "time since start of the manoeuvre, s", panels, span, shades=shades),))
+
+
+def _panel(run: Recording, name: str, units: ShownUnits) -> Panel:
+    start, end = run.span
+    factor = 180 / np.pi if name in DEGREES else units.factor(run[name].unit)
+    shown = run[name].between(start - MARGIN, end + MARGIN)
+    inside = run.manoeuvre(name).x
+    x = (inside if inside.size else shown.x) * factor
+    spare = 0.12 * (float(np.ptp(x)) or 1.0)  # limits of the manoeuvre: start and stop do not compress it
+    line = Curve(CHANNEL_WORDS[name].partition(",")[0], shown.x * factor, DATA, width=1.0, step=shown.hold)
+    limits = float(x.min()) - spare, float(x.max()) + spare
+    return Panel(units.words(CHANNEL_WORDS[name]), shown.t - start, (line,), limits=limits, height=84)
+
+
+# The quantities of a vehicle over the days of a season.
+
+
+DAY = 86400.0  # s
+
+
+def season_chart(quantities: Sequence[TrackedQuantity], drifts: Sequence[Drift]) -> Chart:
+    """A small chart of each quantity with its 90 % interval, the changed ones first, changes shaded."""
+    ordered, changed = changed_first(quantities, drifts)
+    return Chart(tuple(_course(q, changed.get(q.name)) for q in ordered if q.days), columns=3)
+
+
+def changed_first(
+    quantities: Sequence[TrackedQuantity], drifts: Sequence[Drift]
+) -> tuple[list[TrackedQuantity], dict[str, Drift]]:
+    """(quantities, those with a change first; {quantity: its change})."""
+    changed = {d.quantity: d for d in drifts if d.kind in ("gradual", "step")}
+    return sorted(quantities, key=lambda q: q.name not in changed), changed
+
+
+def _course(q: TrackedQuantity, drift: Drift | None) -> Stack:
+    t = np.array([_seconds(d.day) for d in q.days])
+    value, low, high, fitted = (
+        np.array([getattr(d, name) for d in q.days]) for name in ("value", "low", "high", "fitted")
+    )
+    course = Curve(
+        "course", fitted, MARK if drift else "#777777", step=drift is not None and drift.kind == "step"
+    )
+    shown = f", {q.unit}" if q.unit and "vehicle file" not in q.unit else ""
+    panel = Panel(
+        q.name,
+        t,
+        (course, Curve("value", value, DATA, dots=True)),
+        (Spread("90 % interval", low, high),),
+        height=130,
+    )
+    shades = (
+        () if drift is None else ((_seconds(drift.earliest) - DAY, _seconds(drift.latest) + DAY, "#FBE9C6"),)
+    )
+    title = f"{q.name}{shown}" + (": changed" if drift else "")
+    return Stack(title, "", (panel,), (float(t[0]) - DAY, float(t[-1]) + DAY), "date", shades)
+
+
+def _seconds(day: str) -> float:
+    return datetime.fromisoformat(day).replace(tzinfo=UTC).timestamp()
+
+
+# Models with the steering of a verification run as input.
+
+
+def verification_chart(
+    run: Recording | None, verdicts: Mapping[str, Verification], units: ShownUnits = SI
+) -> Chart:
+    """Steering of `run` (if given), and each channel measured and predicted by every model."""
+    channels = [
+        c for c in ("r", "ay", "p") if any(o.channel == c for v in verdicts.values() for o in v.overlays)
+    ]
+    first = next(iter(verdicts.values()))
+    start = run.span[0] if run is not None else float(first.overlays[0].t[0])
+    panels = [_channel(c, verdicts, start, units) for c in channels]
+    if run is not None and "delta" in run:
+        delta = run.manoeuvre("delta")
+        line = Curve("steering", np.degrees(delta.x), DATA, width=1.0, step=delta.hold)
+        panels.insert(0, Panel("steering, deg", delta.t - start, (line,), height=84))
+    end = max(float(p.x[-1]) for p in panels)
+    grade = ", ".join(f"{n}: J_rms {v.j_rms:.2f}, TIC {v.tic:.3f}" for n, v in verdicts.items())
+    title = f"{first.run}; {grade}"
+    return Chart((Stack(title, "time since start of the manoeuvre, s", tuple(panels), (0.0, end)),))
+
+
+def _channel(channel: str, verdicts: Mapping[str, Verification], start: float, units: ShownUnits) -> Panel:
+    found = {n: o for n, v in verdicts.items() for o in v.overlays if o.channel == channel}
+    first = next(iter(found.values()))
+    factor = FOOT * units.per_si if first.unit.startswith("ft") else 1.0
+    lines = [Curve("measured", first.measured * factor, DATA, width=1.0)]
+    lines += [
+        Curve(n, _at(o.t, o.model, first.t) * factor, **model_colours(n, verdicts)) for n, o in found.items()
+    ]
+    return Panel(units.words(CHANNEL_WORDS[channel]), first.t - start, tuple(lines), height=140)
+
+
+def _at(t: Array, y: Array, grid: Array) -> Array:
+    """The values on the grid of the first model; the same one unless their runs differ."""
+    return y if t.size == grid.size else np.interp(grid, t, y)
+
+
+# Responses of recording and simulation, before and after, over each other.
+
+
+def bode_chart(responses: Sequence[Bode]) -> Chart:
+    """Magnitude, phase and coherence of each response; outside of the coherent band shaded."""
+    return Chart(tuple(_stack(b) for b in responses), columns=2)
+
+
+def _stack(b: Bode) -> Stack:
+    low, high = b.band or (float(b.w[0]), float(b.w[-1]))
+    inside = (b.w >= low * 0.999) & (b.w <= high * 1.001)
+    styles: dict[str, tuple[Complex, dict[str, Any]]] = {
+        "recorded": (b.recorded, {"colour": DATA, "width": 2.0}),
+        "before": (b.before, BEFORE),
+        "after": (b.after, AFTER),
+    }
+    db = {n: 20 * np.log10(np.maximum(np.abs(h), 1e-9)) for n, (h, _) in styles.items()}
+    deg = {n: np.degrees(np.unwrap(np.angle(h))) for n, (h, _) in styles.items()}
+    deg = {n: y - 360.0 * np.round(float(y[inside][0]) / 360.0) for n, y in deg.items()}
+    panels = [
+        Panel(
+            words,
+            b.w,
+            tuple(Curve(n, y, **styles[n][1]) for n, y in values.items()),
+            limits=limits_around([y[inside] for y in values.values()], least),
+            height=height,
+        )
+        for words, values, least, height in (("magnitude, dB", db, 20, 150), ("phase, deg", deg, 100, 130))
+    ]
+    panels.append(
+        Panel("coherence", b.w, (Curve("coherence", b.coherence, DATA),), limits=(0.0, 1.04), height=70)
+    )
+    shades = ((1e-3, low, OUTSIDE), (high, 1e4, OUTSIDE)) if b.band else ()
+    marks = ((low, MARK), (high, MARK)) if b.band else ()
+    title = f"{RESPONSE_WORDS.get(b.output, b.output)} / steering"
+    span = 0.93 * float(b.w[0]), 1.07 * float(b.w[-1])
+    return Stack(title, "frequency, rad/s", tuple(panels), span, "log", shades, marks)
+
+
+# A throttle sweep as it was driven, the speed's response to the throttle, and the predicted step.
+
+
+AHEAD, COASTED = 3.0, 8.0  # s shown before and after the sweep
+SHOWN = 5.0  # s of a predicted step
+
+
+def throttle_run_chart(run: ThrottleRun, fit: SpeedFit | None, k: int) -> Chart:
+    """Throttle and speed over time, with the law's speed. k: index of the run in the fit."""
+    start, end = run.span
+    first = max(start - AHEAD, run.pwm.t[0], run.speed.t[0])
+    last = min(end + COASTED, run.pwm.t[-1], run.speed.t[-1])
+    t = start + PERIOD * np.arange(np.ceil((first - start) / PERIOD), (last - start) // PERIOD)
+    speeds = [Curve("measured", run.speed.on(t), DATA, width=1.2)]
+    if fit is not None:
+        at, v = fitted_speed(fit, run, fit.starts[k])
+        within = (t >= at[0] - PERIOD / 2) & (t <= at[-1] + PERIOD / 2)
+        law = np.where(within, np.interp(t, at, v), np.nan)
+        speeds.append(Curve("simulated by the law", law, **AFTER))
+    x = t - start
+    panels = (
+        Panel("throttle, %", x, (Curve("throttle", 100 * run.drive(t), DATA, width=1.2, step=True),)),
+        Panel("speed, m/s", x, tuple(speeds), height=170),
+    )
+    outside = ((-AHEAD, 0.0, OUTSIDE), (end - start, end - start + COASTED, OUTSIDE))
+    words = f"{run.name}: throttle sweep of {end - start:.0f} s"
+    span = float(x[0]), float(x[-1])
+    return Chart((Stack(words, "time since the sweep began, s", panels, span, shades=outside),))
+
+
+def throttle_response_chart(found: ThrottleCoherence, fit: SpeedFit) -> Chart:
+    """Gain, phase and coherence of the speed to the throttle, measured and of the law."""
+    w, h = found.w, fit.model.response(found.w)
+    low, high = found.band or (float(w[0]), float(w[-1]))
+    inside = (w >= 0.999 * low) & (w <= 1.001 * high)
+    db, law_db = 20 * np.log10(np.maximum(found.gain, 1e-9)), 20 * np.log10(np.abs(h))
+    law_deg = np.degrees(np.unwrap(np.angle(h)))
+    deg = np.degrees(found.phase)
+    deg = deg - 360.0 * np.round(float(np.median((deg - law_deg)[inside])) / 360.0)
+    panels = (
+        Panel("magnitude, dB", w, _both(db, law_db), limits=_around(db, law_db, inside, 20), height=170),
+        Panel("phase, deg", w, _both(deg, law_deg), limits=_around(deg, law_deg, inside, 60), height=140),
+        Panel(
+            "coherence",
+            w,
+            (Curve("coherence", found.coherence, DATA),),
+            limits=(0.0, 1.04),
+            levels=(GOOD,),
+            height=80,
+        ),
+    )
+    shades = ((1e-3, low, OUTSIDE), (high, 1e4, OUTSIDE)) if found.band else ()
+    marks = ((low, MARK), (high, MARK)) if found.band else ()
+    span = 0.93 * float(w[0]), 1.07 * float(w[-1])
+    words = "speed / throttle, m/s per full throttle"
+    return Chart((Stack(words, "frequency, rad/s", panels, span, "log", shades, marks),))
+
+
+def speed_step_chart(proposal: SpeedProposal) -> Chart:
+    """The predicted step of the commanded speed, with the current and the proposed settings."""
+    tuned = proposal.tuned or proposal.loop
+    drives = [
+        (words, style, driven_step(loop, plant, judged.settings, judged.step.start, judged.step.size))
+        for words, style, loop, judged in (
+            ("now", BEFORE, proposal.loop, proposal.now),
+            ("proposed", AFTER, tuned, proposal.proposed),
+        )
+        if judged is not None and (plant := proposal.found.plant) is not None
+    ]
+    wanted, first = drives[0][2]
+    x = first.t - STEP_AT
+    kept = x <= SHOWN
+    speeds = [Curve("commanded", wanted[kept], DATA, dash=(2, 2), step=True)]
+    speeds += [Curve(words, d.speed[kept, 0], **style) for words, style, (_, d) in drives]
+    throttle = [Curve(words, 100 * d.throttle[kept, 0], **style) for words, style, (_, d) in drives]
+    panels = (
+        Panel("speed, m/s", x[kept], tuple(speeds), height=170),
+        Panel("throttle, %", x[kept], tuple(throttle)),
+    )
+    return Chart((Stack(_step_words(proposal.now), "time since the step, s", panels, (-STEP_AT, SHOWN)),))
+
+
+def _step_words(judged: AssessedSpeed | None) -> str:
+    assert judged is not None
+    step = judged.step
+    return f"predicted step from {step.start:.2f} to {step.start + step.size:.2f} m/s"
+
+
+def _both(measured: Array, law: Array) -> tuple[Curve, ...]:
+    return Curve("measured", measured, DATA, width=2.0), Curve("law", law, **AFTER)
+
+
+def _around(measured: Array, law: Array, inside: np.ndarray, least: float) -> tuple[float, float]:
+    return limits_around([measured[inside], law[inside]], least)

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
-from rover_sweep.comparison.answer import Agreement, Comparison, Difference, Kind
-from rover_sweep.comparison.corrected import Correction, TwinDrive
+from rich.console import Group, RenderableType
+from rich.text import Text
+
+from rover_sweep.comparison.answer import Agreement, Comparison, Correction, Difference, Kind, Twin, TwinDrive
 from rover_sweep.diagnosis.result import EffectValue, Mismatch
 from rover_sweep.report.diagnosis.tables import PLAINLY, interval_text
 from rover_sweep.report.identification.comparison import Cell, Table, Tone
-from rover_sweep.report.wording.bound_words import range_words
-from rover_sweep.report.wording.effect_names import channel
-from rover_sweep.report.wording.number_format import band, number, symbol, unit
+from rover_sweep.report.identification.terminal import Sentence, rich_table
+from rover_sweep.report.wording import band, channel, number, range_words, sentence, symbol, unit
 
 KINDS: dict[Kind, str] = {
     "instrument": "instrument",
@@ -146,3 +147,61 @@ def rounds_table(rounds: Sequence[TwinDrive]) -> Table:
 def _level(r: TwinDrive, run: str) -> Cell:
     level = next((a.overall for a in r.comparison.agreement if a.run == run), None)
     return Cell(number(level, 3), "" if level is None else _tone(level))
+
+
+# A comparison, and a corrected simulation, for the terminal.
+
+
+def comparison_summary(found: Comparison) -> Group:
+    """The answer, the differences, where they show, and the runs."""
+    return Group(*_spaced(_compared(found)))
+
+
+def twin_summary(found: Twin) -> Group:
+    """The answer, what was corrected, and each run drive by drive."""
+    return Group(*_spaced(_corrected(found)))
+
+
+def _spaced(parts: Iterator[RenderableType]) -> Iterator[RenderableType]:
+    for k, part in enumerate(parts):
+        if k:
+            yield Text("")
+        yield part
+
+
+def _compared(found: Comparison) -> Iterator[RenderableType]:
+    style = "bold green" if found.verdict == "agree" else "bold yellow"
+    yield Group(Text("SIMULATION AND RECORDINGS", style), Sentence(sentence(found.sentence), "bold"))
+    if found.differences:
+        yield Group(*(_hanging(d.sentence) for d in found.differences))
+    for d in found.differences:
+        if d.look_alikes:
+            yield Sentence(
+                sentence(f"instead of {d.name}, these explain it as well: {', '.join(d.look_alikes)}")
+            )
+    if found.instruments:
+        yield Group(*(_hanging(i.sentence) for i in found.instruments))
+    if found.places:
+        yield rich_table(place_table(found.places))
+    if found.minor:
+        yield rich_table(difference_table(found.minor, "Smaller than the normal tolerance"))
+    yield rich_table(agreement_table(found.agreement))
+    if found.remarks:
+        yield Group(*(_hanging(remark) for remark in found.remarks))
+
+
+def _corrected(found: Twin) -> Iterator[RenderableType]:
+    style = "bold green" if found.agrees else "bold yellow"
+    yield Group(
+        Text("TWIN AGREES" if found.agrees else "TWIN STILL DIFFERS", style),
+        Sentence(sentence(found.sentence), "bold"),
+    )
+    if found.corrections:
+        yield rich_table(correction_table(found.corrections))
+    yield rich_table(rounds_table(found.rounds))
+    if found.left or found.remarks:
+        yield Group(*(_hanging(words) for words in (*found.left, *found.remarks)))
+
+
+def _hanging(text: str) -> Sentence:
+    return Sentence(sentence(text), first="- ", rest="  ")

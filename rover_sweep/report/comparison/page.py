@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
 
-from rover_sweep.comparison.answer import Comparison
-from rover_sweep.comparison.corrected import Twin
-from rover_sweep.report.charts.shown_chart import ShownChart, by_section
+from rover_sweep.comparison.answer import Bode, Comparison, Difference, Twin
+from rover_sweep.diagnosis.result import EffectValue, TimeHistory, UpperBound
+from rover_sweep.files.replaced import write_file
+from rover_sweep.report.charts.response_charts import bode_chart, overlay_chart
+from rover_sweep.report.charts.static_svg import ShownChart, by_section
 from rover_sweep.report.comparison.difference_tables import (
     agreement_table,
     correction_table,
@@ -17,9 +22,11 @@ from rover_sweep.report.comparison.difference_tables import (
     rounds_table,
 )
 from rover_sweep.report.identification.comparison import Table
+from rover_sweep.report.pictures.frequency_response import bode_figure
+from rover_sweep.report.pictures.overlay import overlay_figure
+from rover_sweep.report.pictures.picture import Picture
 from rover_sweep.report.templates import environment
-from rover_sweep.report.wording.effect_names import sentence
-from rover_sweep.report.wording.provenance import Provenance
+from rover_sweep.report.wording import Provenance, plain, sentence, strict_json
 
 
 @dataclass(frozen=True)
@@ -111,3 +118,168 @@ def _page(
             pictures=by_section(pictures),
         )
     )
+
+
+# The pictures of a comparison and of a corrected simulation.
+
+
+OVERLAY = (
+    "Time history with the residual (recorded minus simulated), and its spectrum divided by the noise of "
+    "both sides. Dashed or grey: twice that noise. In print, the shaded close-up is where before and after "
+    "differ most."
+)
+BODE = "Responses to the steering. White: where the recording is coherent."
+
+
+def planned_pictures(
+    overlays: Sequence[TimeHistory], responses: Sequence[Bode], after: str
+) -> tuple[Picture, ...]:
+    """Time histories and responses, not drawn yet. after: what `after` is, in words."""
+    return (*_histories(overlays, after), *_responses(responses, after))
+
+
+def _histories(overlays: Sequence[TimeHistory], after: str) -> Iterator[Picture]:
+    by_run: dict[tuple[str, bool], list[TimeHistory]] = {}
+    for o in overlays:
+        by_run.setdefault((o.run, o.held_out), []).append(o)
+    for k, ((run, held_out), channels) in enumerate(by_run.items()):
+        role, shown = "held out" if held_out else "used", tuple(channels)
+        caption = f"{run}, {role}. Before: the simulation; after: {after}. {OVERLAY}"
+        yield Picture(
+            f"overlay-{k}",
+            "histories",
+            caption,
+            partial(overlay_figure, shown),
+            partial(overlay_chart, shown),
+        )
+
+
+def _responses(responses: Sequence[Bode], after: str) -> Iterator[Picture]:
+    if responses:
+        first, shown = responses[0], tuple(responses)
+        role = "held out" if first.held_out else "used"
+        caption = f"{first.run}, {role}. Before: the simulation; after: {after}. {BODE}"
+        yield Picture("bode", "bode", caption, partial(bode_figure, shown), partial(bode_chart, shown))
+
+
+# comparison.json and twin.json: the answers for programs.
+
+
+def comparison_document(found: Comparison, provenance: Provenance) -> dict[str, Any]:
+    """The comparison in plain JSON types. Levels are rms over the noise of both sides together."""
+    return plain(_head("rover-sweep comparison", provenance) | _comparison(found))
+
+
+def twin_document(found: Twin, provenance: Provenance) -> dict[str, Any]:
+    """All rounds of a corrected simulation, in plain JSON types."""
+    return plain(
+        _head("rover-sweep twin", provenance)
+        | {
+            "agrees": found.agrees,
+            "sentence": found.sentence,
+            "corrections": [asdict(c) for c in found.corrections],
+            "left": found.left,
+            "remarks": found.remarks,
+            "rounds": [
+                {
+                    "simulator": r.simulator,
+                    **_comparison(r.comparison),
+                    "corrections": [asdict(c) for c in r.corrections],
+                }
+                for r in found.rounds
+            ],
+            "seconds": round(found.seconds, 2),
+        }
+    )
+
+
+def _head(name: str, provenance: Provenance) -> dict[str, Any]:
+    return {
+        "format": name,
+        "format_version": 1,
+        "versions": provenance.versions,
+        "command": provenance.command or None,
+        "made": provenance.made or None,
+    }
+
+
+def _comparison(found: Comparison) -> dict[str, Any]:
+    return {
+        "verdict": found.verdict,
+        "sentence": found.sentence,
+        "differences": [_difference(d) for d in found.differences],
+        "minor": [_difference(d) for d in found.minor],
+        "instruments": [asdict(i) for i in found.instruments],
+        "places": [
+            {
+                "channel": m.channel,
+                "band_rad_s": m.band,
+                "condition": m.condition,
+                "difference_over_noise": m.residual_over_noise,
+                "sentence": m.sentence,
+            }
+            for m in found.places
+        ],
+        "agreement": [asdict(a) for a in found.agreement],
+        "could_differ": {
+            name: {p: _bound(b) for p, b in bounds.items()} for name, bounds in found.could_differ.items()
+        },
+        "remarks": found.remarks,
+        "seconds": round(found.seconds, 2),
+    }
+
+
+def _difference(d: Difference) -> dict[str, Any]:
+    return {
+        "kind": d.kind,
+        "name": d.name,
+        "simulation": {v.name: _value(v) for v in d.simulation},
+        "recordings": {v.name: _value(v) for v in d.recordings},
+        "change": d.change,
+        "relative": d.relative,
+        "gain": d.gain,
+        "look_alikes": d.look_alikes,
+        "sentence": d.sentence,
+    }
+
+
+def _value(v: EffectValue) -> dict[str, Any]:
+    return {"value": v.value, "unit": v.unit, "low": v.low, "high": v.high, "meaning": v.meaning}
+
+
+def _bound(b: UpperBound) -> dict[str, Any]:
+    return {"unit": b.unit, "low": b.low, "high": b.high, "matters": b.matters}
+
+
+# The folders of a comparison and of a corrected simulation.
+
+
+PREDICTED = "the simulation plus what the differences change"
+AGAIN = "the corrected simulation, driven again"
+
+
+def write_comparison(found: Comparison, directory: Path, provenance: Provenance) -> Path:
+    """Write comparison.html and comparison.json; the path of the page. UsageError if it is not writable."""
+    from rover_sweep.report.pictures.picture import drawn_pictures
+
+    plan = planned_pictures(found.overlays, found.bode, PREDICTED)
+    pictures = drawn_pictures(plan)
+    page = comparison_page(found, provenance, pictures)
+    document = strict_json(comparison_document(found, provenance))
+    html = write_file(directory / "comparison.html", page)
+    write_file(directory / "comparison.json", document)
+    return html
+
+
+def write_twin(found: Twin, directory: Path, provenance: Provenance) -> Path:
+    """Write twin.html, variant.toml and twin.json; the path of the page."""
+    from rover_sweep.report.pictures.picture import drawn_pictures
+
+    plan = planned_pictures(found.overlays, found.bode, AGAIN)
+    pictures = drawn_pictures(plan)
+    page = twin_page(found, provenance, pictures)
+    document = strict_json(twin_document(found, provenance))
+    write_file(directory / "variant.toml", found.variant)
+    html = write_file(directory / "twin.html", page)
+    write_file(directory / "twin.json", document)
+    return html

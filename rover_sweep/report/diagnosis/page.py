@@ -2,15 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import asdict, dataclass
+from functools import partial
+from pathlib import Path
 from typing import Any
 
+from rich.console import Group, RenderableType
+from rich.text import Text
+
 from rover_sweep.data.recording import grouped_warnings
-from rover_sweep.diagnosis.result import Diagnosis, Finding
+from rover_sweep.diagnosis.plans.planner import NAMES, DetectableSize, Plan, PlannedRun, SimilarPair
+from rover_sweep.diagnosis.result import Diagnosis, Finding, TimeHistory
 from rover_sweep.diagnosis.verdict import importance_words
-from rover_sweep.report.charts.shown_chart import ShownChart, by_section
-from rover_sweep.report.diagnosis.origin import DiagnosisOrigin
-from rover_sweep.report.diagnosis.pictures import mismatch_section
+from rover_sweep.files.replaced import remove_file, write_file
+from rover_sweep.report.charts.response_charts import overlay_chart
+from rover_sweep.report.charts.static_svg import ShownChart, by_section
+from rover_sweep.report.diagnosis.diagnosis_json import DiagnosisOrigin, diagnosis_document
 from rover_sweep.report.diagnosis.tables import (
     bound_table,
     certainty_words,
@@ -18,18 +26,241 @@ from rover_sweep.report.diagnosis.tables import (
     evidence_words,
     falsified_table,
     finding_title,
+    held_out_lines,
     held_out_table,
+    law_words,
     look_alike_words,
     mismatch_table,
     next_words,
     unseen_table,
     value_table,
 )
-from rover_sweep.report.diagnosis.terminal import held_out_lines, law_words
+from rover_sweep.report.identification.comparison import Cell, Table
 from rover_sweep.report.identification.identification_json import AXES
+from rover_sweep.report.identification.terminal import Sentence, rich_table
+from rover_sweep.report.pictures.frequency_response import scores
+from rover_sweep.report.pictures.overlay import drawable, law_curves, mismatch, overlay_figure
+from rover_sweep.report.pictures.picture import Picture
 from rover_sweep.report.templates import environment
-from rover_sweep.report.wording.bound_words import hiding_words
-from rover_sweep.report.wording.effect_names import channel, sentence
+from rover_sweep.report.wording import channel, hiding_words, number, plain, sentence, strict_json, unit
+
+# The pictures of a diagnosis and their captions.
+
+
+OVERLAY = (
+    "Time history with the residual (measured minus simulated), and the spectrum of the residual divided "
+    "by the noise floor. Dashed or grey: twice the noise. In print, the shaded close-up is where {most}."
+)
+SCORES = (
+    "Reduction of chi-squared by each candidate alone, compared with the model without effects. Effects "
+    "overlap, so more candidates than the named ones exceed chance; the named ones are those that the whole "
+    "search kept."
+)
+
+CURVES = (
+    "The rover's laws at rest, with their 90 % bands, over the range that the runs visited. Dashed: the "
+    "linear law, of a tyre its tangent at 0."
+)
+LAW = (
+    "The laws that were fitted in the model for the part without a name, with their 90 % bands. A constant "
+    "cannot be separated from trim and biases, so a curve is relative to its value at 0 or to its mean. Of a "
+    "resonance the gain is drawn."
+)
+
+
+def planned(found: Diagnosis) -> tuple[Picture, ...]:
+    """All pictures of a diagnosis, not drawn yet."""
+    return (*_mismatches(found), *_runs(found), *_curves(found), *_law(found), *_scores(found))
+
+
+def mismatch_section(index: int) -> str:
+    """Section of the page for the picture of this mismatch."""
+    return f"mismatch-{index}"
+
+
+def _mismatches(found: Diagnosis) -> Iterator[Picture]:
+    for k, m in enumerate(found.mismatch):
+        if drawable(m, found.overlays):
+            name = mismatch_section(k)
+            yield Picture(name, name, sentence(m.sentence), partial(mismatch, m, found.overlays))
+
+
+def _runs(found: Diagnosis) -> Iterator[Picture]:
+    by_run: dict[tuple[str, bool], list[TimeHistory]] = {}
+    for o in (o for o in found.overlays if o.t.size > 1):
+        by_run.setdefault((o.run, o.held_out), []).append(o)
+    changed = bool(found.findings)
+    for k, ((run, held_out), channels) in enumerate(by_run.items()):
+        role = "held out" if held_out else "used in the fit"
+        most = "before and after differ most" if changed else "the model error is largest"
+        caption = f"{run}, {role}. {OVERLAY.format(most=most)}"
+        shown = tuple(channels)
+        section = "held-out" if held_out else "fitted"
+        yield Picture(
+            f"overlay-{k}",
+            section,
+            caption,
+            partial(overlay_figure, shown, changed),
+            partial(overlay_chart, shown, changed),
+        )
+
+
+def _curves(found: Diagnosis) -> Iterator[Picture]:
+    if found.curves:
+        yield Picture("curves", "curves", CURVES, partial(law_curves, found.curves))
+
+
+def _law(found: Diagnosis) -> Iterator[Picture]:
+    if found.unknown and found.unknown.curves:
+        yield Picture(
+            "unknown-law", "unknown", LAW, partial(law_curves, found.unknown.curves, found.unknown.held_out)
+        )
+
+
+def _scores(found: Diagnosis) -> Iterator[Picture]:
+    if found.scores:
+        yield Picture("scores", "scores", SCORES, partial(scores, found))
+
+
+# Folder of a diagnosis: diagnosis.html, diagnosis.json, and variant.toml for the simulated rover.
+
+
+@dataclass(frozen=True)
+class DiagnosisFiles:
+    """Paths of the written files."""
+
+    document: Path
+    page: Path
+    variant: Path | None = None
+    """The model as a simulated rover; None if the data were refused, or for a lumped model."""
+
+
+def write_diagnosis(
+    found: Diagnosis,
+    directory: Path,
+    origin: DiagnosisOrigin,
+    progress: Callable[[float, str], None] | None = None,
+) -> DiagnosisFiles:
+    """Write all files, diagnosis.json last: a folder with diagnosis.json is complete and of one diagnosis.
+
+    All content is computed before the first file is changed. progress is called with the share done, 0..1,
+    and the current step. UsageError if the directory is not writable.
+    """
+    from rover_sweep.report.export.plant_variant import variant_text
+    from rover_sweep.report.pictures.picture import drawn_pictures
+
+    document = strict_json(diagnosis_document(found, origin))
+    drawn = drawn_pictures(planned(found), progress)
+    page = diagnosis_page(found, origin, drawn)
+    text = variant_text(found.model) if found.model and not found.model.lumped else None
+    for name in ("diagnosis.json", "variant.toml"):
+        remove_file(directory / name)
+    html = write_file(directory / "diagnosis.html", page)
+    variant = write_file(directory / "variant.toml", text) if text else None
+    return DiagnosisFiles(write_file(directory / "diagnosis.json", document), html, variant)
+
+
+# A plan as tables and as JSON.
+
+
+FORMAT_VERSION = 2
+SIZES = (
+    "detectable: size from which a diagnosis is expected to name the effect with 80 %. "
+    "matters: smaller is normal tolerance."
+)
+
+
+def plan_document(plan: Plan) -> dict[str, Any]:
+    """The plan in plain JSON types; units in the keys or in "units"."""
+    return plain(
+        {
+            "format": "rover-sweep plan",
+            "format_version": FORMAT_VERSION,
+            "sentences": plan.sentences,
+            "runs": [asdict(run) for run in plan.runs],
+            "detectable": {effect: asdict(size) for effect, size in plan.detectable.items()},
+            "not_told_apart": [asdict(pair) for pair in plan.look_alikes],
+            "cannot_see": [{"effect": u.effect, "why": u.why} for u in plan.cannot_see],
+            "proposal": [asdict(run) for run in plan.proposal],
+            "settles": plan.settles,
+            "notes": plan.notes,
+            "not_told_apart_with_the_proposal": [asdict(pair) for pair in plan.proposed_look_alikes],
+            "units": "amplitude_us, bias_us: us; speed: m/s, 0 on blocks; heading: deg clockwise from north",
+        }
+    )
+
+
+def plan_summary(plan: Plan) -> Group:
+    """Sentences, runs, detectable sizes, limits and proposed runs, for `Console.print`."""
+    parts: list[RenderableType] = []
+    for k, part in enumerate(_parts(plan)):
+        parts += [Text(""), part] if k else [part]
+    return Group(*parts)
+
+
+def _parts(plan: Plan) -> Iterator[RenderableType]:
+    if plan.sentences:
+        first, *rest = plan.sentences
+        yield Group(Sentence(sentence(first), "bold"), *(Sentence(sentence(text)) for text in rest))
+    if plan.runs:
+        yield rich_table(run_table(plan.runs, "These runs"))
+    if plan.detectable:
+        yield rich_table(size_table(plan))
+    if plan.look_alikes:
+        yield rich_table(pair_table(plan.look_alikes, "Effects that these runs cannot separate"))
+    if plan.cannot_see:
+        rows = tuple((Cell(u.effect), Cell(u.why)) for u in plan.cannot_see)
+        yield rich_table(
+            Table("Effects that these runs cannot detect", ("effect", "why"), rows, text_columns=2)
+        )
+    if plan.proposal:
+        yield rich_table(
+            run_table(plan.proposal, "Additional runs to drive" if plan.runs else "Runs to drive")
+        )
+        if plan.settles:
+            yield Group(*(Sentence(sentence(text)) for text in plan.settles))
+        if plan.proposed_look_alikes:
+            yield rich_table(pair_table(plan.proposed_look_alikes, "Effects still not separated with them"))
+    if plan.notes:
+        yield Group(*(Sentence(sentence(text)) for text in plan.notes))
+
+
+def run_table(runs: Sequence[PlannedRun], heading: str) -> Table:
+    """Kind, amplitude, speed, heading and number of each run."""
+    rows = tuple(_run(run) for run in runs)
+    return Table(heading, ("", "amplitude, us", "speed, m/s", "heading, deg", "times"), rows)
+
+
+def _run(run: PlannedRun) -> tuple[Cell, ...]:
+    kind = NAMES[run.kind] + (f", {run.name}" if run.name else "")
+    amplitude = f"{run.amplitude_us:g}" + (f" about {run.bias_us:+g}" if run.bias_us else "")
+    speed = f"{run.speed:g}" if run.speed else "0"
+    heading = "any" if run.heading is None else f"{run.heading:.0f}"
+    return Cell(kind), Cell(amplitude), Cell(speed), Cell(heading), Cell(str(run.repeat))
+
+
+def size_table(plan: Plan) -> Table:
+    """Detectable size of each effect, in the plan's order; marked where it exceeds the size that matters."""
+    rows = tuple(_size(effect, size) for effect, size in plan.detectable.items())
+    return Table("Detectable sizes", ("effect", "", "detectable", "matters", "unit"), rows, SIZES, 2)
+
+
+def _size(effect: str, size: DetectableSize) -> tuple[Cell, ...]:
+    too_large = size.size is None or (size.material is not None and size.size > size.material)
+    return (
+        Cell(effect),
+        Cell(size.parameter),
+        Cell(number(size.size, 2), "warn" if too_large else ""),
+        Cell(number(size.material, 2)),
+        Cell(unit(size.unit)),
+    )
+
+
+def pair_table(pairs: Sequence[SimilarPair], heading: str) -> Table:
+    """Pairs of effects with the expected probability of the second where the first is true."""
+    rows = tuple((Cell(p.first), Cell(p.second), Cell(f"{100 * p.probability:.0f} %")) for p in pairs)
+    return Table(heading, ("true", "explains it as well", "probability"), rows, text_columns=2)
+
 
 WITHOUT_EFFECT = "The whole model, compared with it without this effect"
 TONES = {

@@ -8,7 +8,7 @@ from typing import Any
 
 from rover_sweep.data.geometry import Geometry
 from rover_sweep.data.recording import LowPass
-from rover_sweep.diagnosis.settings import BASELINES
+from rover_sweep.diagnosis.result import BASELINES
 from rover_sweep.diagnosis.simulation.augmented import DERIVATIVES, AugmentedModel
 from rover_sweep.diagnosis.simulation.table_law import TableLaw, refuse_law
 

@@ -6,12 +6,90 @@ Only the file format is shared with the simulation: names of numbers and effects
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from math import isfinite, sqrt
 
+from rover_sweep.diagnosis.effects import Effect
 from rover_sweep.diagnosis.simulation.augmented import AugmentedModel
+from rover_sweep.diagnosis.simulation.table_law import TableLaw
 from rover_sweep.errors import UsageError
-from rover_sweep.report.export.variant_forms import forms_not_in_the_plant, in_plant_units
-from rover_sweep.report.export.variant_laws import exported_laws, law_lines, laws_not_in_the_plant
+
+# The forms of effects in the words and units of a variant file.
+
+
+AS_FIRST = {"from then on", "one run"}  # changes of ground that the simulated rover has as its first form
+LEAST_SHAPE = 1e-3  # of a second-order servo
+
+
+def in_plant_units(model: AugmentedModel, effect: Effect, values: Mapping[str, Value]) -> dict[str, Value]:
+    """The parameters of an effect as the simulated rover has them, and the form if it is not the first."""
+    out, numbers = dict(values), model.numbers
+    if effect.id == "steering_compliance":
+        out = {"k": numbers["compliance"]}
+    elif effect.id == "yaw_damping":
+        out = {"c": numbers["yaw_damp"] + numbers["yaw_damp_v"]}
+    elif effect.name == "servo_lag/second order":
+        out |= {"q": max(model.value("lag_shape"), LEAST_SHAPE)}
+    elif effect.name == "surface_change/one run":
+        out |= {"t": 0.0}
+    if out and not effect.first and effect.form not in AS_FIRST:
+        out |= {"form": effect.form}
+    return out
+
+
+def forms_not_in_the_plant(model: AugmentedModel) -> list[str]:
+    """Sentences on forms that the simulated rover has otherwise."""
+    names = {effect.name for effect in model.added}
+    said = {
+        "surface_change": "the ground stays changed after that run, in the model only until its end",
+        "surface_change/one run": "the ground stays changed after that run, in the model only during it",
+        "surface_change/all along": "the grip drifts on at standstill, in the model only while driving",
+    }
+    return [words for name, words in said.items() if name in names]
+
+
+# The tables [[table_law]] of a variant file: the laws without a name of a diagnosed model.
+
+
+IN_THE_PLANT = ("delta", "a_y", "r", "p", "phi", "beta", "v")  # quantities over which the plant has tables
+
+
+def exported_laws(model: AugmentedModel) -> list[TableLaw]:
+    """The laws that the simulated rover has, in its quantities: its trim acts before the table."""
+    trim = model.value("trim")
+    return [
+        replace(law, x=tuple(x - trim for x in law.x))
+        if law.place == "steering" and law.memory != "resonance"
+        else law
+        for law in model.laws
+        if _in_the_plant(law)
+    ]
+
+
+def laws_not_in_the_plant(model: AugmentedModel) -> list[str]:
+    """A sentence for each law that the simulated rover does not have."""
+    return [
+        f"the law at the {law.place} over {law.over} is not included: this rover has no such table"
+        for law in model.laws
+        if not _in_the_plant(law)
+    ]
+
+
+def law_lines(law: TableLaw) -> list[str]:
+    """One table as lines of TOML."""
+    lines = ["[[table_law]]", f'place = "{law.place}"', f'over = "{law.over}"']
+    for name, values in (("x", law.x), ("y", law.y)):
+        lines.append(f"{name} = [{', '.join(repr(float(f'{v:.7g}')) for v in values)}]")
+    lines += [f'times = "{law.times}"'] if law.times else []
+    lines += [f"play = {law.size:.7g}"] if law.memory == "play" else []
+    if law.memory == "resonance":
+        lines += [f"frequency = {law.size:.7g}", f"damping = {law.damping:.7g}"]
+    return lines
+
+
+def _in_the_plant(law: TableLaw) -> bool:
+    return not law.place.startswith("sensor") and law.over in IN_THE_PLANT and law.memory != "lag"
+
 
 LINEAR_TYRES = 4.0  # friction of practically linear tyres, for a model without tyre saturation
 BEND_ALIKE = 5.8  # friction^2 * bend for equal force loss of both tyre laws at half the axle load

@@ -9,8 +9,7 @@ from typing import Literal
 from rover_sweep.identification.acceptance import TITLES, inertia_of, judged_runs, ordered, rejection, usable
 from rover_sweep.identification.fit import Estimate, FitResult
 from rover_sweep.identification.pipeline import Identification, ModelResult
-from rover_sweep.identification.reduction import ReductionStep
-from rover_sweep.identification.structure.state_space import OUTPUTS
+from rover_sweep.identification.state_space import OUTPUTS
 from rover_sweep.identification.verdicts import (
     CR_GUIDE,
     I_GUIDE,
@@ -18,11 +17,16 @@ from rover_sweep.identification.verdicts import (
     J_GOOD,
     J_RMS_GUIDE,
     TIC_GUIDE,
+    ReductionStep,
 )
 from rover_sweep.identification.verify import Overlay
-from rover_sweep.report.wording.number_format import (
+from rover_sweep.report.wording import (
+    FOOT,
     OUTPUT_NAMES,
     SHORT_NAMES,
+    SI,
+    Provenance,
+    ShownUnits,
     band,
     change,
     number,
@@ -30,8 +34,6 @@ from rover_sweep.report.wording.number_format import (
     symbol,
     unit,
 )
-from rover_sweep.report.wording.provenance import Provenance
-from rover_sweep.report.wording.shown_units import FOOT, SI, ShownUnits
 
 Tone = Literal["", "good", "warn", "bad", "muted", "strong"]
 SINGLE_J = 150.0  # a single response up to 150-200 is tolerable (Tischler & Remple 2012)

@@ -4,16 +4,23 @@ from __future__ import annotations
 
 import re
 import textwrap
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
 
 from rich.console import Console, ConsoleOptions, Group, RenderableType, RenderResult
 from rich.table import Table as RichTable
 from rich.text import Text
 
-from rover_sweep.identification.acceptance import TITLES, ordered
-from rover_sweep.identification.model_results import ModelResult
+from rover_sweep.data.recording import Note, Recording, grouped_warnings
+from rover_sweep.identification.acceptance import TITLES, identified_runs, known_filters, ordered, usable
+from rover_sweep.identification.fit import Estimate, FitResult
+from rover_sweep.identification.handling import UNITS, Handling, Quantity, warnings
+from rover_sweep.identification.model_results import UNTIED, ModelResult
 from rover_sweep.identification.pipeline import Identification
+from rover_sweep.identification.verdicts import J_ACCEPTABLE, J_GOOD
 from rover_sweep.report.identification.comparison import (
+    IGNORED,
+    Cell,
     Table,
     coherence_table,
     cost_table,
@@ -24,17 +31,228 @@ from rover_sweep.report.identification.comparison import (
     reduction_table,
     verification_tables,
 )
-from rover_sweep.report.identification.handling_table import handling_sentence, handling_table
-from rover_sweep.report.identification.remarks import (
-    diagnosis_remark,
-    filters_known,
-    filters_remark,
-    finding,
-    prediction_sentence,
-    to_do,
-)
-from rover_sweep.report.wording.provenance import Provenance
-from rover_sweep.report.wording.shown_units import SI, ShownUnits
+from rover_sweep.report.wording import SHORT_NAMES, SI, Provenance, ShownUnits, number, percent, symbol, unit
+
+# Handling quantities as a table, as warnings and for identification.json.
+
+
+LABELS = {
+    "understeer_gradient_deg_per_g": "understeer gradient K_us",
+    "static_margin": "static margin",
+    "critical_speed": "critical speed",
+    "characteristic_speed": "characteristic speed",
+    "yaw_rate_gain": "steady r/δ",
+    "lateral_acceleration_gain": "steady a_y/δ",
+    "yaw_frequency": "yaw mode, frequency",
+    "yaw_damping": "yaw mode, damping",
+    "roll_frequency": "roll mode, frequency",
+    "roll_damping": "roll mode, damping",
+}
+
+
+def handling_table(result: Identification, units: ShownUnits = SI) -> Table | None:
+    """One column per model with tyres, of its fit with Cf and Cr free; None without any."""
+    found = _told(result)
+    if not found:
+        return None
+    rows = tuple(
+        (
+            Cell(LABELS[name]),
+            Cell(units.words(unit(UNITS[name][0]))),
+            *(_cell(h.told.get(name), units.factor(UNITS[name][0])) for h in found.values()),
+        )
+        for name in LABELS
+        if any(name in h.told for h in found.values())
+    )
+    headings = ("", "", *(TITLES.get(name, name) for name in found))
+    sentences = "; ".join(f"{TITLES.get(name, name)}: {h.sentence}" for name, h in found.items())
+    note = (
+        f"{sentences}. From fits with Cf, Cr and a lag of the steering free. K_us > 0: understeer. "
+        "Intervals: Cramér-Rao bound, and what speed lost in turns, large steering angles and 3 % of "
+        "steering scale change in r/δ."
+    )
+    speed = next(iter(found.values())).speed
+    return Table(f"Handling at {speed:.2f} m/s", headings, rows, note, 2)
+
+
+def _told(result: Identification) -> dict[str, Handling]:
+    """{model: handling of its fit with Cf and Cr free, else of its only fit}."""
+    found = result.handling
+    return {n: found.get(f"{n}, {UNTIED}", h) for n, h in found.items() if n in result.models}
+
+
+def _cell(q: Quantity | None, factor: float) -> Cell:
+    if q is None:
+        return Cell("–", "muted")
+    value = number(factor * q.value, 3)
+    if q.low is None or q.high is None:
+        return Cell(value)
+    return Cell(f"{value} ({number(factor * q.low, 2)} to {number(factor * q.high, 2)})")
+
+
+def handling_notes(result: Identification, verify_runs: Sequence[Recording] = ()) -> tuple[Note, ...]:
+    """Warnings on runs near the critical speed or the friction limit, by the roll-yaw model if it exists."""
+    found = _told(result)
+    model = found.get("roll-yaw") or found.get("bicycle")
+    known = model if model and model.identified else None
+    return warnings(known, (*identified_runs(result), *verify_runs), result.geometry.friction)
+
+
+def handling_sentence(result: Identification) -> str | None:
+    """Understeer of the recommended model as a sentence, None for a model without tyres."""
+    found = _told(result).get(result.recommended or "")
+    return None if found is None else found.sentence
+
+
+def handling_document(result: Identification, verify_runs: Sequence[Recording] = ()) -> dict[str, Any]:
+    """{models: {name: {speed_m_s, tied, identified, sentence, quantities}}, notes}.
+
+    quantities: {<name>: {value, bound, interval [low, high] or null, unit}}.
+    """
+    return {
+        "models": {name: _document(h) for name, h in result.handling.items()},
+        "notes": [note.text for note in handling_notes(result, verify_runs)],
+    }
+
+
+def _document(found: Handling) -> dict[str, Any]:
+    quantities = {
+        n: {"value": q.value, "bound": q.bound, "interval": _interval(q), "unit": q.unit}
+        for n, q in found.quantities.items()
+    }
+    return {
+        "speed_m_s": found.speed,
+        "tied": found.tied,
+        "identified": found.identified,
+        "sentence": found.sentence,
+        "quantities": quantities,
+    }
+
+
+def _interval(q: Quantity) -> list[float] | None:
+    return None if q.low is None or q.high is None else [q.low, q.high]
+
+
+# Sentences of the report on a result.
+
+
+SMALL_CHANGE = 3.0  # percent
+
+
+def filters_remark(result: Identification) -> str | None:
+    """Effect of ignoring the sensors' filters on the recommended model; None without filters or fit."""
+    models = usable(result)
+    order = (result.recommended, "roll-yaw", "bicycle", "kinematic")
+    name = next((n for n in order if n in models and IGNORED in models[n].variants), None)
+    if name is None:
+        return None
+    with_filters, without = models[name].fit, models[name].variants[IGNORED]
+    costs = f"J_ave {without.average:.1f} without them, {with_filters.average:.1f} with them"
+    changes = _changes(with_filters, without)
+    if max(map(abs, changes.values()), default=0.0) < SMALL_CHANGE:
+        return (
+            f"A {name} fit that ignores the sensors' low-pass filters has the same cost ({costs}): the delay "
+            f"absorbs their lag{_delays(with_filters, without)}, and no other parameter changes by "
+            f"{SMALL_CHANGE:g} %."
+        )
+    if without.average > max(J_GOOD, 2 * with_filters.average):
+        return (
+            f"A {name} fit that ignores the sensors' low-pass filters is clearly worse ({costs})"
+            f"{_delays(with_filters, without)}; it changes {_moved(changes)}."
+        )
+    return (
+        f"A {name} fit that ignores the sensors' low-pass filters has a good cost ({costs}; guideline "
+        f"≤ {J_GOOD:g}) but is wrong: the delay{_delays(with_filters, without)} and the inertia absorb the "
+        f"filters' lag, which changes {_moved(changes)}."
+    )
+
+
+def _changes(fit: FitResult, other: FitResult) -> dict[str, float]:
+    """Change [%] of each free parameter except the delay."""
+    free = [e for e in fit.estimates if e.free and e.value and e.name not in fit.structure.delays]
+    return {e.name: 100 * (other[e.name].value / e.value - 1) for e in free}
+
+
+def _delays(fit: FitResult, other: FitResult) -> str:
+    moved = [
+        f"{symbol(n)} from {1000 * fit[n].value:.0f} to {1000 * other[n].value:.0f} ms"
+        for n in fit.structure.delays
+    ]
+    return f" ({', '.join(moved)})" if moved else ""
+
+
+def _moved(changes: dict[str, float]) -> str:
+    order = sorted(changes, key=lambda n: -abs(changes[n]))[:3]
+    words = [f"{symbol(n)} by {changes[n]:+.0f} %" for n in order]
+    return words[0] if len(words) == 1 else ", ".join(words[:-1]) + " and " + words[-1]
+
+
+def finding(result: Identification) -> str | None:
+    """The recommended model in one line: parameters with intervals, verification; None without one."""
+    model = result.models.get(result.recommended or "")
+    if model is None:
+        return None
+    free = result.numbers or [e for e in model.fit.estimates if e.free]
+    words = [f"{symbol(e.name)} {number(e.value, 3)} {unit(e.unit)} ({_uncertainty(e)})" for e in free]
+    text = f"At {model.fit.speed:.2f} m/s: " + ", ".join(words)
+    unseen = prediction_sentence(result)
+    return f"{text}; {unseen}" if unseen else f"{text}."
+
+
+def _uncertainty(e: Estimate) -> str:
+    """The 90 % interval; the Cramer-Rao bound where none was computed."""
+    if e.interval is None:
+        return f"CR {percent(e.cr_percent)} %"
+    return f"90 %: {number(e.interval.low, 3)} to {number(e.interval.high, 3)}"
+
+
+def prediction_sentence(result: Identification) -> str | None:
+    """How the recommended model predicts the first run that is not in its fit; None without one."""
+    model = result.models.get(result.recommended or "")
+    if model is None or not model.verification:
+        return None
+    v = model.verification[0]
+    return f"on {v.run} (not in the fit) J_rms {number(v.j_rms, 3)} and TIC {number(v.tic, 2)}."
+
+
+def diagnosis_remark(result: Identification) -> str | None:
+    """Advice to diagnose if the recommended model misses one of its responses, else None."""
+    model = usable(result).get(result.recommended or "")
+    if model is None:
+        return None
+    output, cost = max(model.fit.costs.items(), key=lambda item: item[1], default=("", 0.0))
+    if model.fit.average <= J_GOOD and cost <= J_ACCEPTABLE:
+        return None
+    return (
+        f"J of {SHORT_NAMES.get(output, output)} is {cost:.0f}: use `rover-sweep diagnose` with the same "
+        f"runs to find what the {result.recommended} model leaves out."
+    )
+
+
+def filters_known(result: Identification) -> str:
+    """A sentence with the sensors' known low-pass filters."""
+    known = known_filters(result)
+    if not known:
+        return "The recordings name no filter of their signals."
+    words = [f"{SHORT_NAMES.get(c, c)} {number(f.cutoff_hz, 3)} Hz ({f.source})" for c, f in known.items()]
+    return "Second-order low-pass filters included in the models' outputs: " + ", ".join(words) + "."
+
+
+def to_do(result: Identification, provenance: Provenance) -> tuple[str, ...]:
+    """What to do before using the numbers: runs to repeat, refused models, warnings, missing verification."""
+    repeat = [f"{v.run}: {v.sentence}" for v in result.coherence if not v.keep]
+    refused = [text if name in text else f"{name}: {text}" for name, text in result.refused.items()]
+    runs = (*identified_runs(result), *provenance.verify_runs)
+    missing = (
+        ()
+        if provenance.verify_runs
+        else ("there is no run for verification: drive a doublet and give it with --verify",)
+    )
+    limits = [note.text for note in handling_notes(result, provenance.verify_runs)]
+    wanted = dict.fromkeys([*repeat, *refused, *limits, *grouped_warnings(runs), *missing])
+    said = " ".join(result.summary)
+    return tuple(w for w in wanted if w.partition(": ")[2].removeprefix("discard: ") not in said)
+
 
 STYLES = {"": "", "good": "green", "warn": "yellow", "bad": "bold red", "muted": "dim", "strong": "bold"}
 

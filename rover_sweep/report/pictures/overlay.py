@@ -10,9 +10,18 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from rover_sweep.data.recording import Array
-from rover_sweep.diagnosis.result import Overlay
-from rover_sweep.report.pictures.style import DATA, WIDTH, log_frequency
-from rover_sweep.report.wording.effect_names import LONG_CHANNELS
+from rover_sweep.diagnosis.residual_maps import ordinal
+from rover_sweep.diagnosis.result import LawCurve, LawHeldOut, Mismatch, Profile, TimeHistory
+from rover_sweep.report.pictures.picture import (
+    BAND,
+    DATA,
+    MODEL_LINES,
+    OUTSIDE,
+    WIDTH,
+    literal,
+    log_frequency,
+)
+from rover_sweep.report.wording import LONG_CHANNELS
 
 # Colour, dash and weight differ, so that the lines are distinct in print too.
 BEFORE: dict[str, Any] = {"color": "#0072B2", "linestyle": (0, (4, 1.5)), "linewidth": 1.4}
@@ -25,7 +34,7 @@ CLOSE_UP, SHORTEST = 5.0, 1.2  # s, longest (a quarter of the slowest motion) an
 SWINGS = 5.0  # periods shown in a close-up
 
 
-def overlay_figure(channels: Sequence[Overlay], changed: bool = True) -> Figure:
+def overlay_figure(channels: Sequence[TimeHistory], changed: bool = True) -> Figure:
     """A row per channel: the run and its residual, a close-up, the residual's spectrum.
 
     changed: also draw the simulation after the findings.
@@ -66,12 +75,12 @@ def overlay_figure(channels: Sequence[Overlay], changed: bool = True) -> Figure:
     return figure
 
 
-def _factor(o: Overlay) -> float:
+def _factor(o: TimeHistory) -> float:
     return DEG if o.channel in ("r", "p") else 1.0
 
 
 def draw_overlay(
-    axes: Axes, o: Overlay, changed: bool, part: tuple[float, float] | None = None, last: bool = False
+    axes: Axes, o: TimeHistory, changed: bool, part: tuple[float, float] | None = None, last: bool = False
 ) -> None:
     """Measured with twice the noise, before and (if changed) after; part: (start, end) [s] to show.
 
@@ -92,7 +101,7 @@ def draw_overlay(
         axes.tick_params(labelbottom=False)
 
 
-def _residual(axes: Axes, o: Overlay, changed: bool) -> None:
+def _residual(axes: Axes, o: TimeHistory, changed: bool) -> None:
     """Measured minus simulated over the whole run, with twice the noise."""
     t, f = o.t - o.t[0], _factor(o)
     axes.axhspan(-2 * o.noise * f, 2 * o.noise * f, color=NOISE, linewidth=0)
@@ -102,7 +111,7 @@ def _residual(axes: Axes, o: Overlay, changed: bool) -> None:
     axes.margins(x=0.0)
 
 
-def _close_up(channels: Sequence[Overlay], changed: bool) -> tuple[float, float]:
+def _close_up(channels: Sequence[TimeHistory], changed: bool) -> tuple[float, float]:
     """(start, end) [s] of the part of the run with the largest difference relative to the noise."""
     o = channels[0]
     t = o.t - o.t[0]
@@ -116,7 +125,7 @@ def _close_up(channels: Sequence[Overlay], changed: bool) -> tuple[float, float]
     return start, start + length
 
 
-def _period(o: Overlay, t: Array, start: float) -> float:
+def _period(o: TimeHistory, t: Array, start: float) -> float:
     """Mean period [s] of the simulated motion in the CLOSE_UP seconds from `start`; long without swings."""
     inside = (t >= start) & (t <= start + CLOSE_UP)
     x = np.nan_to_num(o.before[inside])
@@ -131,7 +140,7 @@ def _busiest(power: Array, t: Array, length: float) -> int:
     return int(np.argmax(total[n:] - total[:-n])) if n < t.size else 0
 
 
-def draw_residual(axes: Axes, o: Overlay, changed: bool) -> None:
+def draw_residual(axes: Axes, o: TimeHistory, changed: bool) -> None:
     """Spectrum of the residual over the noise floor, before and (if changed) after."""
     if o.w.size < 2:
         axes.text(0.5, 0.5, "no spectrum", ha="center", transform=axes.transAxes, color="#777777")
@@ -152,3 +161,168 @@ def draw_residual(axes: Axes, o: Overlay, changed: bool) -> None:
     axes.minorticks_off()
     log_frequency(axes, float(o.w[0]), float(o.w[-1]), labelled=False)
     axes.tick_params(labelbottom=True)
+
+
+# The curves of unknown laws with their bands, and the held-out runs without and with them.
+
+
+HEIGHT = 3.4  # in
+LAW_BEFORE, LAW_AFTER = "#BDBDBD", "#D55E00"
+
+
+def law_curves(curves: tuple[LawCurve, ...], held_out: tuple[LawHeldOut, ...] = ()) -> Figure:
+    """A panel for each curve, and one with the mean square of the held-out rows before and after."""
+    panels = len(curves) + bool(held_out)
+    rows = (panels + 1) // 2
+    figure = Figure(figsize=(WIDTH, rows * HEIGHT), layout="constrained")
+    axes = [figure.add_subplot(rows, min(panels, 2), k + 1) for k in range(panels)]
+    for curve, panel in zip(curves, axes, strict=False):
+        draw_curve(curve, panel)
+    if held_out:
+        _held_out(held_out, axes[-1])
+    return figure
+
+
+def draw_curve(curve: LawCurve, axes: Axes) -> None:
+    """The curve with its 90 % band, and the straight line through its middle."""
+    axes.axhline(0.0, color="#777777", linewidth=0.8)
+    turn = int(np.argmax(curve.x)) + 1  # a curve with a loop goes back from here
+    for part in (slice(0, turn), slice(turn, None)):
+        label = "" if part.start else "90 % band"
+        low, high = curve.low[part], curve.high[part]
+        axes.fill_between(curve.x[part], low, high, color=BAND, alpha=0.35, linewidth=0, label=label)
+    axes.plot(curve.x, curve.y, marker="o", markersize=4, **MODEL_LINES["roll-yaw"], label="fitted law")
+    if not curve.gain:  # of a law with a name
+        axes.plot(
+            curve.x,
+            curve.straight(curve.x),
+            color="#333333",
+            linestyle=(0, (4, 2)),
+            linewidth=1.0,
+            label="linear",
+        )
+    if curve.memory == "resonance":
+        axes.set_title(literal(f"{curve.place}: resonance of {curve.over} at {curve.size:.2g} Hz"))
+        axes.set_xlabel(literal(f"frequency, {curve.over_unit}"))
+        axes.set_xscale("log")
+    else:
+        times = f", times {curve.times}" if curve.times else ""
+        memory = f" ({curve.memory} of {curve.size:.3g})" if curve.memory else ""
+        axes.set_title(literal(f"{curve.place}{times}"))
+        axes.set_xlabel(literal(f"{curve.over}{memory}, {curve.over_unit}"))
+    axes.set_ylabel(literal(curve.unit))
+    axes.legend()
+
+
+def _held_out(runs: tuple[LawHeldOut, ...], axes: Axes) -> None:
+    at = np.arange(len(runs))
+    axes.bar(at - 0.2, [h.before for h in runs], 0.38, color=LAW_BEFORE, label="without")
+    axes.bar(
+        at + 0.2, [h.after for h in runs], 0.38, color=LAW_AFTER, hatch="//", edgecolor="white", label="with"
+    )
+    axes.axhline(1.0, color="#333333", linestyle=(0, (4, 2)), linewidth=1.0, label="noise")
+    axes.set_xticks(at, [literal(h.run) for h in runs])
+    axes.set_title("held-out runs: mean square over noise")
+    axes.grid(axis="x", visible=False)
+    axes.legend()
+
+
+# A small picture of one mismatch: the residual against the quantity that it depends on.
+
+
+SIZE = (5.2, 2.3)  # in
+FLOOR = "#555555"
+REST = "#9CC3DF"
+MANY = 25  # points from which the markers are smaller
+OVER = {
+    "harmonic": "harmonic of the steering frequency",
+    "amplitude": "largest steering angle",
+    "time": "time in the run",
+    "run": "",
+}
+
+
+def drawable(m: Mismatch, overlays: Sequence[TimeHistory]) -> bool:
+    """True if the mismatch has a profile or a spectrum to draw."""
+    return _filled(m) is not None or bool(_spectra(m, overlays))
+
+
+def mismatch(m: Mismatch, overlays: Sequence[TimeHistory]) -> Figure:
+    """The residual against its profile's quantity if it has one, else against frequency; 1: noise floor."""
+    figure = Figure(figsize=SIZE)
+    axes = figure.add_axes((0.125, 0.235, 0.795, 0.735))
+    profile = _filled(m)
+    if profile is None:
+        _frequency(axes, m, _spectra(m, overlays))
+    else:
+        _profile(axes, m, profile)
+        if profile.over == "frequency":
+            _shade(axes, m.band)
+    below = profile is not None and min(profile.ratio) < 0
+    if not below:
+        axes.set_ylim(bottom=0)
+    for floor in (-1.0, 1.0) if below else (1.0,):
+        axes.axhline(floor, color=FLOOR, linewidth=1.0, linestyle=(0, (4, 2)))
+    axes.set_ylabel("mean / its uncertainty" if m.condition == "steady" else "residual / noise")
+    axes.text(1.01, 1.0, "noise", transform=axes.get_yaxis_transform(), va="center", fontsize=8, color=FLOOR)
+    return figure
+
+
+def _filled(m: Mismatch) -> Profile | None:
+    """The profile, None without values."""
+    return m.profile if m.profile is not None and m.profile.ratio else None
+
+
+def _spectra(m: Mismatch, overlays: Sequence[TimeHistory]) -> list[TimeHistory]:
+    return [o for o in overlays if o.channel == m.channel and o.w.size > 1]
+
+
+def _profile(axes: Axes, m: Mismatch, profile: Profile) -> None:
+    """Bars for words and for few values, darker for those named in the condition; else a line."""
+    labels = _labels(profile)
+    if labels:
+        named = [label in m.condition.split() or f"{label} " in m.condition for label in labels]
+        colours = [BEFORE["color"] if one or not any(named) else REST for one in named]
+        axes.bar(range(len(labels)), profile.ratio, color=colours, width=0.55)
+        axes.set_xticks(range(len(labels)), labels)
+        axes.set_xlim(-0.6, len(labels) - 0.4)
+        axes.grid(axis="x", visible=False)
+    else:
+        size = 4 if len(profile.x) < MANY else 2
+        axes.plot(profile.x, profile.ratio, color=BEFORE["color"], marker="o", markersize=size)
+    axes.set_xlabel(_quantity(profile))
+    if profile.over == "frequency":
+        x = [float(v) for v in profile.x]
+        log_frequency(axes, 0.9 * min(x), 1.1 * max(x), labelled=True)
+
+
+def _quantity(profile: Profile) -> str:
+    """Label of the x axis, with its unit."""
+    unit = f", {profile.unit.replace('us', 'µs')}" if profile.unit else ""
+    return f"{OVER.get(profile.over, profile.over)}{unit}"
+
+
+def _labels(profile: Profile) -> list[str]:
+    """Labels under the bars; none if the profile is drawn as a line."""
+    if profile.over == "harmonic":
+        return [ordinal(round(float(k))) for k in profile.x]
+    if all(isinstance(x, str) for x in profile.x):
+        return [str(x) for x in profile.x]
+    digits = {"amplitude": 1, "speed": 2}.get(profile.over)
+    return [] if digits is None else [f"{float(x):.{digits}f}" for x in profile.x]
+
+
+def _frequency(axes: Axes, m: Mismatch, spectra: Sequence[TimeHistory]) -> None:
+    low, high = min(o.w[0] for o in spectra), max(o.w[-1] for o in spectra)
+    for k, o in enumerate(spectra):
+        colour = BEFORE["color"] if k == 0 else AFTER["color"] if k == 1 else OUTSIDE
+        axes.plot(o.w, np.sqrt(o.residual_before), color=colour, label=literal(o.run), alpha=0.9)
+    _shade(axes, m.band)
+    log_frequency(axes, 0.95 * float(low), 1.05 * float(high), labelled=True)
+    if len(spectra) > 1:
+        axes.legend(fontsize=8)
+
+
+def _shade(axes: Axes, band: tuple[float, float]) -> None:
+    """Shade a frequency band; 0 rad/s is the left end of the logarithmic axis."""
+    axes.axvspan(max(band[0], 1e-3), band[1], color=SHADE, linewidth=0, zorder=0)

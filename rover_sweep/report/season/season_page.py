@@ -2,23 +2,316 @@
 
 from __future__ import annotations
 
+import csv
+import io
 import re
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from datetime import date, timedelta
+from functools import partial
+from pathlib import Path
+from typing import Any
 
-from rover_sweep.report.charts.shown_chart import ShownChart, by_section
-from rover_sweep.report.identification.comparison import Table
-from rover_sweep.report.season.season_tables import (
-    day_table,
-    diagnosis_table,
-    drift_table,
-    parameter_change_table,
-    refused_table,
-    season_value_table,
-)
+import matplotlib.dates as dates
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from rich.console import Console
+
+from rover_sweep.errors import missing_extra
+from rover_sweep.files.replaced import write_file
+from rover_sweep.report.charts.response_charts import changed_first, season_chart
+from rover_sweep.report.charts.static_svg import ShownChart, by_section, chart_json, png_source
+from rover_sweep.report.identification.comparison import Cell, Table
+from rover_sweep.report.pictures.picture import BAND, DATA, WIDTH, Picture
 from rover_sweep.report.templates import environment
-from rover_sweep.report.wording.effect_names import sentence
-from rover_sweep.report.wording.provenance import versions
-from rover_sweep.season.season_result import Drift, Season, VehicleSeason
+from rover_sweep.report.wording import number, sentence, strict_json, symbol, unit, versions
+from rover_sweep.season.season_result import (
+    Drift,
+    MeasuredLog,
+    ParameterChange,
+    Season,
+    TrackedQuantity,
+    VehicleSeason,
+)
+
+# A season as tables of columns for other programs: CSV, and Parquet with pyarrow.
+
+
+Columns = Mapping[str, Sequence[Any]]
+
+
+def season_columns(season: Season, logs: Sequence[MeasuredLog]) -> dict[str, Columns]:
+    """{table: {column: values}} of quantities, drifts, parameters and logs; None where there is no value."""
+    values = [
+        (v.name, d.day, q.name, q.unit, d.value, d.low, d.high, d.fitted) for v, q, d in _values(season)
+    ]
+    drifts = [
+        (
+            d.vehicle,
+            d.kind,
+            d.quantity,
+            d.unit,
+            d.day,
+            d.earliest,
+            d.latest,
+            d.before,
+            d.after,
+            d.low,
+            d.high,
+            d.relative,
+            d.ratio,
+            d.matters,
+            d.cause,
+            d.sentence,
+        )
+        for v in season.vehicles
+        for d in v.drifts
+    ]
+    changed = [
+        (v.name, p.name, p.day_before, p.day_after, p.before, p.after)
+        for v in season.vehicles
+        for p in v.parameters
+    ]
+    vehicle_of = {s: v.name for v in season.vehicles for day in v.logs.values() for s in day}
+    each = [
+        (
+            log.source,
+            vehicle_of.get(log.source, ""),
+            log.day,
+            log.day_from,
+            log.board,
+            log.system,
+            log.firmware,
+            log.sha256,
+            log.fit.variance if log.fit else None,
+            log.refused,
+        )
+        for log in sorted(logs, key=lambda log: log.source)
+    ]
+    return {
+        "quantities": _table("vehicle day quantity unit value low high fitted", values),
+        "drifts": _table(
+            "vehicle kind quantity unit day earliest latest before after low high relative ratio matters "
+            "cause sentence",
+            drifts,
+        ),
+        "parameters": _table("vehicle parameter day_before day_after before after", changed),
+        "logs": _table(
+            "log vehicle day day_from board system firmware sha256 residual_over_noise refused", each
+        ),
+    }
+
+
+def _values(season: Season) -> Any:
+    return ((v, q, d) for v in season.vehicles for q in v.quantities for d in q.days)
+
+
+def _table(names: str, rows: Sequence[Sequence[Any]]) -> Columns:
+    return {name: [row[k] for row in rows] for k, name in enumerate(names.split())}
+
+
+def as_csv(columns: Columns) -> str:
+    """The columns with a heading; numbers exact, nothing for None."""
+    out = io.StringIO()
+    writer = csv.writer(out, lineterminator="\n")
+    writer.writerow(columns)
+    for row in zip(*columns.values(), strict=True):
+        writer.writerow(["" if x is None else repr(x) if isinstance(x, float) else x for x in row])
+    return out.getvalue()
+
+
+def as_parquet(columns: Columns) -> bytes:
+    """The columns as a Parquet file; UsageError without pyarrow."""
+    try:
+        import pyarrow
+        import pyarrow.parquet
+    except ImportError:
+        raise missing_extra("--parquet needs pyarrow", "fleet") from None
+    sink = pyarrow.BufferOutputStream()
+    pyarrow.parquet.write_table(pyarrow.table(dict(columns)), sink)
+    return bytes(sink.getvalue())
+
+
+# The quantities of a vehicle against the date.
+
+
+CAPTION = (
+    "Each day with its 90 % interval (of differences between days). Line: the course that the season shows; "
+    "orange: a change. Quantities with a change first."
+)
+COLUMNS = 3
+
+
+def shown_courses(vehicle: VehicleSeason) -> tuple[ShownChart, ...]:
+    """One picture with all quantities, as drawn by matplotlib and as data of the interactive chart."""
+    if not vehicle.quantities:
+        return ()
+    shown = vehicle.quantities, vehicle.drifts
+    picture = Picture("courses", "courses", CAPTION, partial(courses, *shown))
+    data = chart_json(season_chart(*shown))
+    return (ShownChart("courses", CAPTION, source=png_source(picture.png()), data=data),)
+
+
+def courses(quantities: Sequence[TrackedQuantity], drifts: Sequence[Drift]) -> Figure:
+    """Small pictures of the quantities, the changed ones first."""
+    ordered, changed = changed_first(quantities, drifts)
+    rows = -(-len(ordered) // COLUMNS)
+    figure = Figure(figsize=(WIDTH, 0.6 + 1.75 * rows))
+    grid = figure.subplots(rows, COLUMNS, squeeze=False).ravel()
+    height = figure.get_figheight()
+    figure.subplots_adjust(
+        left=0.07, right=0.985, top=1 - 0.3 / height, bottom=0.35 / height, hspace=0.62, wspace=0.3
+    )
+    for axes, q in zip(grid, ordered, strict=False):
+        _course(axes, q, changed.get(q.name))
+    for axes in grid[len(ordered) :]:
+        axes.set_visible(False)
+    return figure
+
+
+def _course(axes: Axes, q: TrackedQuantity, drift: Drift | None) -> None:
+    t = np.array([dates.date2num(date.fromisoformat(d.day)) for d in q.days])
+    value, low, high, fitted = (
+        np.array([getattr(d, name) for d in q.days]) for name in ("value", "low", "high", "fitted")
+    )
+    axes.errorbar(t, value, (value - low, high - value), fmt="o", ms=3, color=DATA, elinewidth=0.9)
+    step = drift is not None and drift.kind == "step"
+    axes.plot(
+        t, fitted, color=BAND if drift else DATA, linewidth=1.1, drawstyle="steps-mid" if step else "default"
+    )
+    if drift is not None:
+        axes.axvspan(*_shaded(drift), color=BAND, alpha=0.25, linewidth=0)
+    shown = f", {q.unit}" if q.unit and "vehicle file" not in q.unit else ""
+    axes.set_title(f"{q.name}{shown}", fontweight="bold" if drift else "normal")
+    axes.xaxis.set_major_locator(dates.AutoDateLocator(minticks=2, maxticks=5))
+    axes.xaxis.set_major_formatter(dates.DateFormatter("%d %b"))
+    axes.tick_params(labelsize=8)
+
+
+def _shaded(drift: Drift) -> tuple[float, float]:
+    first, last = (date.fromisoformat(day) for day in (drift.earliest, drift.latest))
+    return float(dates.date2num(first - timedelta(days=1))), float(dates.date2num(last + timedelta(days=1)))
+
+
+# A season as tables of its pages.
+
+
+KINDS = {
+    "gradual": "gradual",
+    "step": "from a day on",
+    "day": "one day only",
+    "board": "board swapped",
+    "parameter": "parameter",
+}
+INTERVAL = (
+    "90 % interval of the change. Days: a gradual change begins after the day, others are seen on it first; "
+    "in brackets the 95 % interval."
+)
+
+
+def drift_table(drifts: Sequence[Drift], heading: str) -> Table:
+    """Vehicle, quantity, kind, day, values and interval of each drift."""
+    rows = tuple(
+        (
+            Cell(d.vehicle),
+            Cell(d.quantity if d.kind in ("board", "parameter") else symbol(d.quantity), "strong"),
+            Cell(KINDS[d.kind]),
+            Cell(_day(d)),
+            Cell(d.cause or "–"),
+            Cell(number(d.before, 3)),
+            Cell(number(d.after, 3), "strong"),
+            Cell(_interval(d)),
+            Cell(unit(d.unit)),
+        )
+        for d in drifts
+    )
+    headings = ("vehicle", "quantity", "", "day", "cause", "before", "after", "change (90 %)", "unit")
+    return Table(heading, headings, rows, INTERVAL, 5)
+
+
+def _day(d: Drift) -> str:
+    return d.day if d.earliest == d.latest else f"{d.day} ({d.earliest} to {d.latest})"
+
+
+def _interval(d: Drift) -> str:
+    if d.low is None or d.high is None:
+        return "–"
+    if d.relative:
+        return f"{100 * (d.low - 1):+.0f} to {100 * (d.high - 1):+.0f} %"
+    return f"{d.low:+.3g} to {d.high:+.3g}"
+
+
+def refused_table(season: Season) -> Table:
+    """Every log without a fit, with its sentence."""
+    rows = tuple((Cell(source), Cell(why)) for source, why in season.refused)
+    return Table("Logs that could not be used", ("log", "why"), rows, text_columns=2)
+
+
+def parameter_change_table(changes: Sequence[ParameterChange]) -> Table:
+    """Parameters of the firmware that changed, by day."""
+    rows = tuple(
+        (
+            Cell(c.name, "strong"),
+            Cell(f"{c.day_before} to {c.day_after}"),
+            Cell(f"{c.before:g}"),
+            Cell(f"{c.after:g}"),
+        )
+        for c in changes
+    )
+    return Table("Parameters that changed", ("parameter", "between", "before", "after"), rows, text_columns=2)
+
+
+def season_value_table(vehicle: VehicleSeason) -> Table:
+    """First and last value of each quantity, with its scatter from day to day."""
+    rows = tuple(
+        (
+            Cell(q.meaning),
+            Cell(symbol(q.name), "strong"),
+            Cell(number(q.days[0].value, 3)),
+            Cell(number(q.days[-1].value, 3)),
+            Cell(f"{number(q.days[-1].low, 3)} to {number(q.days[-1].high, 3)}"),
+            Cell(number(q.scatter, 2)),
+            Cell(unit(q.unit)),
+        )
+        for q in vehicle.quantities
+        if q.days
+    )
+    headings = ("quantity", "", "first day", "last day", "90 %", "scatter", "unit")
+    note = (
+        "Intervals are of differences between days. scatter: standard deviation from day to day that no "
+        "interval of a single day explains."
+    )
+    return Table("Values", headings, rows, note, 2)
+
+
+def diagnosis_table(sentences: Mapping[str, str]) -> Table:
+    """The sentence of each day's diagnosis."""
+    rows = tuple((Cell(day), Cell(text)) for day, text in sentences.items())
+    note = "The reports are in diagnoses/, by vehicle and day."
+    return Table("Diagnosis of each day", ("day", "left out by the model"), rows, note, 2)
+
+
+def day_table(vehicle: VehicleSeason) -> Table:
+    """The logs of each day."""
+    rows = tuple((Cell(day), Cell(", ".join(sources))) for day, sources in vehicle.logs.items())
+    return Table("Days", ("day", "logs"), rows, text_columns=2)
+
+
+# The summary of a season on a terminal.
+
+
+def season_summary(season: Season, console: Console) -> None:
+    """The answer, each change in a sentence, each log that could not be used."""
+    console.print(sentence(season.sentence), style="bold", markup=False, soft_wrap=True)
+    for vehicle in season.vehicles:
+        for drift in vehicle.drifts:
+            if drift.counts or (drift.cause and drift.matters):
+                mark = "  " if drift.cause else "- "
+                console.print(f"{mark}{drift.sentence}", markup=False, soft_wrap=True)
+    for source, why in season.refused:
+        console.print(f"not used: {source}: {why}", style="yellow", markup=False, soft_wrap=True)
+
 
 Section = tuple[str, str, Sequence[Table], str, Sequence[str]]  # anchor, heading, tables, pictures, texts
 
@@ -116,3 +409,35 @@ def _page(
             pictures=by_section(pictures),
         )
     )
+
+
+# The folder of a season.
+
+
+def write_season(
+    season: Season,
+    logs: Sequence[MeasuredLog],
+    pages: Mapping[str, str],
+    directory: Path,
+    parquet: bool = False,
+) -> Path:
+    """Write season.html, vehicles/*.html, season.json and the tables; the path of the fleet's page.
+
+    pages: {vehicle: HTML}. The same season gives the same bytes.
+    """
+    tables = season_columns(season, logs)
+    if parquet:
+        for name, columns in tables.items():
+            write_file(directory / f"{name}.parquet", as_parquet(columns))
+    for name, columns in tables.items():
+        write_file(directory / f"{name}.csv", as_csv(columns))
+    names = page_names(season)
+    for vehicle, page in pages.items():
+        write_file(directory / "vehicles" / f"{names[vehicle]}.html", page)
+    write_file(directory / "season.json", season_document(season))
+    return write_file(directory / "season.html", fleet_page(season))
+
+
+def season_document(season: Season) -> str:
+    """season.json: every number of the season."""
+    return strict_json({"format": "rover-sweep season", "format_version": 1, **asdict(season)})

@@ -5,26 +5,267 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import partial
+from typing import Any
 
-from rover_sweep.gains.speed_proposal import SpeedProposal
-from rover_sweep.gains.steering_limits import SteeringLimits
-from rover_sweep.identification.speed.identify_speed import SpeedResult
+from rover_sweep.gains.proposal import SteeringLimits
+from rover_sweep.gains.speed_proposal import AssessedSpeed, SpeedProposal
+from rover_sweep.identification.identify_speed import (
+    SHARE,
+    Coasting,
+    SpeedParameter,
+    SpeedResult,
+    driving_drag,
+    speed_parameters,
+)
 from rover_sweep.report.charts.chart import ChartPlan
-from rover_sweep.report.charts.shown_chart import by_section, shown_chart
-from rover_sweep.report.charts.throttle_chart import (
+from rover_sweep.report.charts.response_charts import (
     speed_step_chart,
     throttle_response_chart,
     throttle_run_chart,
 )
-from rover_sweep.report.speed.speed_tables import (
-    speed_gains_table,
-    speed_margin_table,
-    speed_parameter_table,
-    throttle_run_table,
-)
+from rover_sweep.report.charts.static_svg import by_section, shown_chart
+from rover_sweep.report.identification.comparison import Cell, Table
 from rover_sweep.report.templates import environment
-from rover_sweep.report.wording.effect_names import sentence
-from rover_sweep.report.wording.provenance import versions
+from rover_sweep.report.wording import number, sentence, unit, versions
+
+# The response of the speed to the throttle as plain data, for speed.json.
+
+
+_KEPT = ("CRUISE_", "ATC_SPEED_", "ATC_ACCEL", "ATC_DECEL", "ATC_BRAKE", "MOT_", "SCHED_LOOP_RATE")
+
+
+def speed_document(result: SpeedResult) -> dict[str, Any]:
+    """The result; keys include units. "law" is null without one; throttles are shares of full throttle."""
+    fit, found, first = result.fit, result.coherence, result.runs[0]
+    law = None
+    if fit is not None:
+        m = fit.model
+        law = {"gain_m_s": m.gain, "lag_s": m.lag, "delay_s": m.delay, "offset": m.offset}
+    return {
+        "format": "rover-sweep speed",
+        "format_version": 1,
+        "runs": [run.name for run in result.runs],
+        "sources": [list(source) for run in result.runs for source in run.sources],
+        "level": result.level,
+        "reasons": list(result.reasons),
+        "speeds_m_s": list(result.speeds),
+        "throttles": list(result.throttles),
+        "neutral_us": first.neutral_us,
+        "travel_us": first.travel_us,
+        "law": law,
+        "intervals": {name: list(ends) for name, ends in fit.intervals.items()} if fit else {},
+        "fit": fit.fit if fit else None,
+        "residual_m_s": fit.residual if fit else None,
+        "band_rad_s": list(found.band) if found and found.band else None,
+        "coherence": (
+            {
+                "w_rad_s": found.w.tolist(),
+                "coherence": found.coherence.tolist(),
+                "gain_m_s": found.gain.tolist(),
+            }
+            | {"phase_rad": found.phase.tolist()}
+            if found
+            else None
+        ),
+        "coasting": _coasting(result.coasting),
+        "parameters": {n: v for n, v in sorted(first.parameters.items()) if n.startswith(_KEPT)},
+    }
+
+
+def _coasting(found: Coasting | None) -> dict[str, Any] | None:
+    if found is None:
+        return None
+    return {
+        "speed_m_s": found.speed,
+        "deceleration_m_s2": found.deceleration,
+        "interval_m_s2": list(found.interval),
+        "seconds": found.seconds,
+        "dead_zone": found.dead_zone,
+        "dead_zone_interval": list(found.dead_zone_interval) if found.dead_zone_interval else None,
+    }
+
+
+# The response of the speed, the proposed settings and the recordings as tables.
+
+
+UNITS = {
+    "CRUISE_SPEED": "m/s",
+    "CRUISE_THROTTLE": "%",
+    "ATC_SPEED_P": "",
+    "ATC_SPEED_I": "",
+    "ATC_SPEED_D": "",
+    "ATC_ACCEL_MAX": "m/s²",
+}
+FREEWHEELS = "The motor freewheels at neutral, so the dead zone cannot be separated from the drag."
+NOT_COASTED = "No coasting was recorded: let the rover roll out with the throttle at neutral."
+
+
+def speed_parameter_table(result: SpeedResult) -> Table | None:
+    """Gain, lag, delay, dead zone and drag with their intervals; None without a law."""
+    if result.fit is None:
+        return None
+    found = speed_parameters(result)
+    rows = tuple(_parameter(p) for p in found)
+    note = "" if "dead_zone" in found else FREEWHEELS if result.coasting is not None else NOT_COASTED
+    share = f"The law explains {number(100 * result.fit.fit, 3)} % of the speed's variation."
+    headings = ("", "meaning, unit", "value", "90 %")
+    return Table("Response of the speed to the throttle", headings, rows, f"{share} {note}".strip(), 2)
+
+
+def _parameter(p: SpeedParameter) -> tuple[Cell, ...]:
+    scale, shown = {SHARE: (100.0, "% throttle"), "s": (1.0, "s")}.get(p.unit, (1.0, unit(p.unit)))
+    scale, shown = (1000.0, "ms") if p.name == "delay" else (scale, shown)
+    low, high = (number(scale * end, 3) for end in p.interval_90)
+    value = Cell(number(scale * p.value, 3), "strong")
+    words = Cell(f"{p.meaning}, {shown}")
+    name = "coasting" if p.name == "coasting_drag" else p.name.replace("_", " ")  # short, for a phone
+    return Cell(name, "strong"), words, value, Cell(f"{low}…{high}")
+
+
+def speed_gains_table(
+    proposal: SpeedProposal, limits: SteeringLimits | None, current: Mapping[str, float]
+) -> Table | None:
+    """Parameters, current and proposed; None without settings to compare."""
+    if proposal.now is None or proposal.proposed is None:
+        return None
+    new = proposal.proposed.settings.parameters
+    rows = [
+        _setting(name, UNITS[name], value, new[name], name in proposal.loop.assumed)
+        for name, value in proposal.now.settings.parameters.items()
+    ]
+    if proposal.throttle_min is not None:
+        rows.append(_setting("MOT_THR_MIN", "%", 100 * proposal.loop.least, proposal.throttle_min, False))
+    if limits is not None:
+        rows += [
+            _setting(name, shown, current.get(name), value, False)
+            for name, shown, value in (
+                ("ATC_STR_RAT_MAX", "deg/s", limits.rate_max),
+                ("ATC_TURN_MAX_G", "g", limits.turn_g),
+            )
+            if value is not None
+        ]
+    note = (
+        "ATC_STR_RAT_MAX: 90 % of what the steering's stops reach. ATC_TURN_MAX_G: confirmed by the runs."
+        if limits is not None
+        else "ATC_STR_RAT_MAX and ATC_TURN_MAX_G need steering sweeps in the same folder of results."
+    )
+    if limits is not None and limits.lowers:
+        note += " It is below the current value only because more was not tested: keep the current one."
+    return Table("Settings", ("parameter", "unit", "now", "proposed"), tuple(rows), note, 2)
+
+
+def _setting(name: str, shown: str, now: float | None, new: float, assumed: bool) -> tuple[Cell, ...]:
+    was = f"{now:.4g}{' (default)' if assumed else ''}" if now is not None else "–"
+    same = now is not None and f"{now:.4g}" == f"{new:.4g}"
+    return Cell(name, "strong"), Cell(shown), Cell(was), Cell(f"{new:.4g}", "" if same else "strong")
+
+
+def speed_margin_table(proposal: SpeedProposal) -> Table | None:
+    """Margins and predicted step of the current and the proposed settings."""
+    pairs = (("now", proposal.now), ("proposed", proposal.proposed))
+    columns = {words: _judged(judged) for words, judged in pairs if judged is not None}
+    if not columns or proposal.now is None:
+        return None
+    labels = list(next(iter(columns.values())))
+    rows = tuple((Cell(label), *(Cell(column[label]) for column in columns.values())) for label in labels)
+    step = proposal.now.step
+    note = (
+        "Worst: within the 90 % intervals, with a battery 10 % up or down; at least 6 dB and 45 deg are "
+        f"kept. Step from {step.start:.2f} to {step.start + step.size:.2f} m/s; the tracking error "
+        "is to the target that the firmware limits by its acceleration."
+    )
+    return Table("Margins and predicted step", ("", *columns), rows, note)
+
+
+def _judged(judged: AssessedSpeed) -> dict[str, str]:
+    step, margins = judged.step, judged.margins
+    return {
+        "gain margin, dB": number(margins.gain_db, 3),
+        "phase margin, deg": number(margins.phase_deg, 3),
+        "worst gain margin, dB": number(judged.worst_gain, 3),
+        "worst phase margin, deg": number(judged.worst_phase, 3),
+        "crossover frequency, rad/s": number(margins.crossover, 3),
+        "rise time of the step, s": number(step.rise, 3),
+        "overshoot, %": number(step.overshoot, 2),
+        "tracking error, m/s rms": number(step.error, 2),
+        "largest throttle, %": number(100 * step.throttle, 2),
+    }
+
+
+def throttle_run_table(result: SpeedResult) -> Table:
+    """Each sweep with its duration, swept frequencies, firmware and file."""
+    rows = []
+    for run in result.runs:
+        files = ", ".join(f"{name} ({sha[:12]})" for name, sha in run.sources)
+        swept = f"{number(run.swept[0], 2)}–{number(run.swept[1], 3)}"
+        seconds = number(run.span[1] - run.span[0], 3)
+        stopped = run.stopped or "complete"
+        rows.append(
+            (Cell(run.name), Cell(files), Cell(run.firmware), Cell(stopped), Cell(seconds), Cell(swept))
+        )
+    headings = ("run", "file (SHA-256)", "firmware", "", "s", "rad/s")
+    return Table("Throttle sweeps", headings, tuple(rows), text_columns=4)
+
+
+# The response of the speed to the throttle in a few lines.
+
+
+def speed_answer(result: SpeedResult) -> Iterator[str]:
+    """The answer, line by line: verdict, numbers with 90 % intervals, drag, and what to do next."""
+    low, mean, high = result.speeds
+    many = f"{len(result.runs)} throttle sweeps" if len(result.runs) > 1 else "1 throttle sweep"
+    yield f"Speed from {many}, {low:.2f} to {high:.2f} m/s: {result.level}."
+    for reason in result.reasons:
+        yield f"  because {reason}"
+    if result.fit is None:
+        return
+    m, ends, travel = result.fit.model, result.fit.intervals, abs(result.runs[0].travel_us)
+    band = result.coherence.band if result.coherence else None
+    yield (
+        f"  gain   {m.gain:.3g} m/s per full throttle {_ends(ends['gain'])}, "
+        f"{1000 * m.gain / travel:.3g} mm/s per us"
+    )
+    yield f"  lag    {m.lag:.3g} s {_ends(ends['lag'])}"
+    delay = [1000 * end for end in ends["delay"]]
+    yield f"  delay  {1000 * m.delay:.0f} ms ({delay[0]:.0f} to {delay[1]:.0f}), with the EKF's"
+    offset = [100 * end for end in ends["offset"]]
+    yield (
+        f"  offset {100 * m.offset:.1f} % throttle ({offset[0]:.1f} to {offset[1]:.1f}) before it moves: "
+        "dead zone and drag"
+    )
+    yield from _drag(result)
+    explained = f"explains {100 * result.fit.fit:.0f} % of the speed's variation"
+    coherent = f"; coherent from {band[0]:.2g} to {band[1]:.2g} rad/s" if band else ""
+    yield f"  the law {explained}{coherent}. Intervals: 90 %."
+
+
+def _drag(result: SpeedResult) -> Iterator[str]:
+    assert result.fit is not None
+    found, mean = result.coasting, result.speeds[1]
+    driving, ends = driving_drag(result.fit, mean)
+    yield (
+        f"  drag   of drive and road {driving:.2f} m/s2 ({ends[0]:.2f} to {ends[1]:.2f}) at {mean:.2f} m/s, "
+        "while it drives"
+    )
+    if found is None:
+        yield "         coasting not recorded: let the rover roll out with the throttle at neutral"
+        return
+    low, high = found.interval
+    yield (
+        f"         coasting {found.deceleration:.2f} m/s2 ({low:.2f} to {high:.2f}) at {found.speed:.2f} "
+        f"m/s, over {found.seconds:.1f} s"
+    )
+    if found.dead_zone is None or found.dead_zone_interval is None:
+        yield "         the motor freewheels at neutral, so dead zone and drag cannot be told apart"
+        return
+    low, high = found.dead_zone_interval
+    zone = max(100 * found.dead_zone, 0.0)
+    yield f"  dead zone {zone:.1f} % throttle ({100 * max(low, 0.0):.1f} to {100 * max(high, 0.0):.1f})"
+
+
+def _ends(ends: tuple[float, float]) -> str:
+    return f"({ends[0]:.3g} to {ends[1]:.3g})"
+
 
 TONES = {"good": "good", "acceptable": "warn", "poor": "bad", "none": "bad"}
 

@@ -8,10 +8,10 @@ import numpy as np
 from markupsafe import Markup
 
 from rover_sweep.data.recording import Signal
-from rover_sweep.report.charts.embedded import in_script, packed
-from rover_sweep.report.charts.thinned import kept_points
+from rover_sweep.report.charts.chart import kept_points
+from rover_sweep.report.charts.static_svg import in_script, packed
 from rover_sweep.report.templates import environment
-from rover_sweep.report.wording.provenance import versions
+from rover_sweep.report.wording import versions
 
 MOST = 200_000  # points of a page: about 2 MB
 

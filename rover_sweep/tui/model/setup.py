@@ -5,15 +5,25 @@ from __future__ import annotations
 import contextlib
 import json
 import os
-from collections.abc import Callable
+import threading
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from math import isfinite
 from pathlib import Path
+from typing import Any, get_args
 
 from rover_sweep.data.vehicle_file import Vehicle
 from rover_sweep.files.documents import read_json
-from rover_sweep.tui.model.plan_rows import Row
-from rover_sweep.tui.model.state import RunRecord
-from rover_sweep.vehicle.run.settings import RunSettings
+from rover_sweep.live.source import Advice, CoherenceBand, Played, ResponseCurve, Snapshot, Update, Verdict
+from rover_sweep.manoeuvre.sweep import Sweep
+from rover_sweep.session.content import Content, DrivenRun, SessionRun
+from rover_sweep.tui import drawn as labels
+from rover_sweep.tui.model.plan_rows import SPEED, Row, ground
+from rover_sweep.tui.model.state import Outcome, RunRecord, State
+from rover_sweep.vehicle.events import LogProgress, Sample
+from rover_sweep.vehicle.link.connection import Heard
+from rover_sweep.vehicle.preflight.read_rover import Check
+from rover_sweep.vehicle.run.controls import RunSettings
 
 _MOST = 8  # remembered connections
 _PORTS = ("/dev/serial/by-id/*", "/dev/ttyACM*", "/dev/ttyUSB*", "/dev/tty.usbmodem*", "/dev/tty.usbserial*")
@@ -105,3 +115,195 @@ def serial_ports() -> tuple[str, ...]:
         for port in sorted(path.parent.glob(path.name)):
             found.setdefault(os.path.realpath(port), f"{port},115200")
     return tuple(found.values())
+
+
+# The connections to choose from: command line, used before, plugged in, usual.
+
+
+USUAL = ("udp:0.0.0.0:14550", "tcp:127.0.0.1:5760")
+
+
+@dataclass(frozen=True)
+class ConnectionChoice:
+    """A connection to choose, and its origin. system: one of several vehicles on it."""
+
+    url: str
+    origin: str
+    system: int | None = None
+
+
+def places(given: str, remembered: tuple[str, ...], ports: tuple[str, ...]) -> tuple[ConnectionChoice, ...]:
+    """Each connection once, the most likely first."""
+    found: dict[str, str] = {}
+    for urls, origin in (
+        ((given,) if given else (), "command line"),
+        (remembered, "used before"),
+        (ports, "plugged in"),
+        (USUAL, "usual"),
+    ):
+        for url in urls:
+            found.setdefault(url, origin)
+    return tuple(ConnectionChoice(url, origin) for url, origin in found.items())
+
+
+def with_systems(
+    found: tuple[ConnectionChoice, ...], url: str, heard: Sequence[Heard]
+) -> tuple[ConnectionChoice, ...]:
+    """The list with `url` replaced by an entry per vehicle heard on it, at the front if it was not listed."""
+    each = tuple(ConnectionChoice(url, str(one), one.system) for one in heard)
+    at = next((n for n, place in enumerate(found) if place.url == url), 0)
+    rest = [place for place in found if place.url != url]
+    return (*rest[:at], *each, *rest[at:])
+
+
+# Runs, logs and plan of a continued session, from its folder.
+
+
+_OUTCOMES: Mapping[str, Outcome] = {"done": "done", "stopped": "stopped", "cut": "failed", "begun": "failed"}
+
+
+def records(content: Content, folder: Path) -> tuple[RunRecord, ...]:
+    """The driven runs, oldest first."""
+    return tuple(_record(run, folder) for run in content.runs)
+
+
+def fetched_logs(content: Content, folder: Path) -> tuple[Path, ...]:
+    """The vehicle's logs in the folder."""
+    return tuple(folder / log.file for log in content.logs)
+
+
+def rows(content: Content) -> tuple[Row, ...]:
+    """The saved plan as rows."""
+    return tuple(Row(run.manoeuvre, run.speed or SPEED, run.name) for run in content.plan)
+
+
+def runs_of_plan(plan: tuple[Row, ...]) -> tuple[SessionRun, ...]:
+    """The plan in the form saved in the folder."""
+    return tuple(SessionRun(row.name, row.manoeuvre, row.speed) for row in plan)
+
+
+def _record(run: DrivenRun, folder: Path) -> RunRecord:
+    outcome = _OUTCOMES[run.state]
+    return RunRecord(
+        run.name,
+        run.manoeuvre or Sweep(),
+        outcome,
+        _reason(run, outcome),
+        run.number,
+        folder / run.tlog,
+        _verdict(run.verdict),
+    )
+
+
+def _reason(run: DrivenRun, outcome: Outcome) -> str:
+    if outcome != "done":
+        return run.reason
+    return "" if run.verdict else "no verdict: the program ended first; 7 can still identify it"
+
+
+def _verdict(saved: Mapping[str, Any] | None) -> Verdict | None:
+    """The saved verdict; None if missing, or written by another version."""
+    if saved is None:
+        return None
+    try:
+        amplitude = saved.get("amplitude")
+        if saved["advice"] not in get_args(Advice) or not isfinite(amplitude or 0.0):
+            return None
+        return Verdict(
+            str(saved["run"]),
+            saved["advice"],
+            str(saved["sentence"]),
+            tuple(_band(**band) for band in saved.get("bands") or ()),
+            amplitude,
+            tuple((float(a), float(b), float(c)) for a, b, c in saved.get("per_band") or ()),
+            remarks=tuple(str(remark) for remark in saved.get("remarks") or ()),
+            curves=tuple(_curve(**curve) for curve in saved.get("curves") or ()),
+            throttle=_step(*saved["throttle"]) if saved.get("throttle") else None,
+        )
+    except (KeyError, TypeError, ValueError, OverflowError):
+        return None
+
+
+def _band(response: str, low: float, high: float, coherence: float, words: str) -> CoherenceBand:
+    return CoherenceBand(str(response), float(low), float(high), float(coherence), str(words))
+
+
+def _step(driven: int, proposed: int) -> tuple[int, int]:
+    return int(driven), int(proposed)
+
+
+def _curve(response: str, steering: str = "us", **numbers: list[float]) -> ResponseCurve:
+    given = {name: tuple(map(float, x)) for name, x in numbers.items()}
+    return ResponseCurve(str(response), **given, steering="rad" if steering == "rad" else "us")
+
+
+# Queue from the source's thread to the screen's; fast values replace those not yet taken.
+
+
+_FAST = (Snapshot, Played, LogProgress, Sample)
+
+
+class Feed:
+    """`put` in any thread, `take` in the screen's; `wake` is called at the first `put` after a `take`."""
+
+    def __init__(self, wake: Callable[[], object]) -> None:
+        self._wake, self._lock = wake, threading.Lock()
+        self._waiting: list[Update] = []
+
+    def put(self, message: Update) -> None:
+        """Add a message without blocking; of the fast values only the latest of each type is kept."""
+        with self._lock:
+            first = not self._waiting
+            if isinstance(message, _FAST):
+                self._waiting = [other for other in self._waiting if type(other) is not type(message)]
+            self._waiting.append(message)
+        if first:
+            self._wake()
+
+    def take(self) -> list[Update]:
+        """All waiting messages, oldest first."""
+        with self._lock:
+            taken, self._waiting = self._waiting, []
+        return taken
+
+
+# The question before a run: what this program will do, what speaks against it.
+
+
+def question_before(row: Row, setup: Setup, state: State) -> str:
+    """The question; "" if there is none, as the pilot does everything and the run is not kept already."""
+    kept, own = is_kept(row, state.runs), setup.own_part
+    if not kept and not own:
+        return ""
+    parts = [
+        f"{row.name}: {labels.manoeuvre(row.manoeuvre)} at {row.speed:g} m/s, "
+        f"{labels.seconds(row.manoeuvre.duration)}{ground(row, setup.vehicle)}."
+    ]
+    if kept:
+        parts.append(f"{row.name} is already KEEP: there is no need to drive it again.")
+    parts.append(bad_checks(state.checks))
+    if own:
+        parts.append(f"This program {', '.join(own)}.")
+    return "\n\n".join((*parts, "Is the area clear of people and obstacles?"))
+
+
+def bad_checks(checks: Sequence[Check]) -> str:
+    """A sentence on how many of the checks are bad, and which."""
+    bad = [check.name.replace("_", " ") for check in checks if check.state == "bad"]
+    if not checks:
+        return "The checks were NOT RUN: view 2, R."
+    if not bad:
+        return f"None of the {len(checks)} checks is BAD."
+    verb = "is" if len(bad) == 1 else "are"
+    return f"{len(bad)} of {len(checks)} checks {verb} BAD: {', '.join(bad)} (view 2)."
+
+
+def is_kept(row: Row, runs: Sequence[RunRecord]) -> bool:
+    """True if the latest run of the row has the verdict to keep it."""
+    latest = next(reversed(driven_for(row, runs)), None)
+    return latest is not None and latest.verdict is not None and latest.verdict.advice == "keep"
+
+
+def driven_for(row: Row, runs: Sequence[RunRecord]) -> list[RunRecord]:
+    """The runs of a row of the plan, oldest first."""
+    return [run for run in runs if run.name == row.name and run.manoeuvre == row.manoeuvre]

@@ -14,7 +14,6 @@ from types import MappingProxyType
 from typing import Literal
 
 from firmware_params.applet_parameters import SWITCH_LOW
-from rover_sweep.live.snapshot import Snapshot, Verdict
 from rover_sweep.live.source import (
     Began,
     Checked,
@@ -25,12 +24,14 @@ from rover_sweep.live.source import (
     Played,
     Request,
     Several,
+    Snapshot,
     Update,
+    Verdict,
 )
 from rover_sweep.manoeuvre.sweep import Manoeuvre
 from rover_sweep.vehicle import events as e
 from rover_sweep.vehicle.identity import VehicleIdentity
-from rover_sweep.vehicle.preflight.item import Check
+from rover_sweep.vehicle.preflight.read_rover import Check
 
 HISTORY = 150  # snapshots, about 15 s
 MESSAGES = 500  # lines of the log

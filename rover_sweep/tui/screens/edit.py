@@ -11,15 +11,20 @@ from textual.app import ComposeResult
 from textual.binding import Binding
 from textual.containers import Vertical
 from textual.screen import ModalScreen
-from textual.widgets import Static
+from textual.widgets import Input, Static
 
 from rover_sweep.errors import UsageError
-from rover_sweep.tui.drawn.drawing import ScreenRows
+from rover_sweep.live.source import FetchLogs
+from rover_sweep.tui import drawn as labels
+from rover_sweep.tui.drawn import ScreenRows, bar, cells, window, wrapped
 from rover_sweep.tui.model.plan_rows import Field, Row, fields, row_with, value
-from rover_sweep.tui.screens.frame import ABORT_WORDS
+from rover_sweep.tui.model.setup import Setup
+from rover_sweep.tui.model.state import RunRecord
+from rover_sweep.tui.screens.frame import ABORT_WORDS, LEVELS, SessionScreen
+from rover_sweep.tui.screens.run import verdict_sentence
 
 if TYPE_CHECKING:
-    from rover_sweep.tui.drawn.palette import Palette
+    from rover_sweep.tui.drawn import Palette
 
 _WIDTH = 62
 
@@ -138,3 +143,201 @@ class EditRow(ModalScreen[Row | None]):
         except UsageError as error:
             self._refusal = str(error)
         return not self._refusal
+
+
+# A box that asks for a line of text.
+
+
+class Typing(ModalScreen[str | None]):
+    """ENTER returns the text, ESC None."""
+
+    BINDINGS = [Binding("escape", "leave", "cancel")]
+    CSS = """
+    Typing { align: center middle; background: $background; }
+    Typing > Vertical { width: 76; max-width: 100%; height: auto; border: heavy $foreground; padding: 1 2; }
+    Typing Input { border: tall $foreground; color: $foreground; background: $background; }
+    Typing Input > .input--cursor { color: $background; background: $foreground; text-style: none; }
+    Typing Input > .input--selection { color: $background; background: $foreground; }
+    """
+
+    def __init__(self, question: str, hint: str, value: str = "") -> None:
+        super().__init__()
+        self._question, self._hint, self._value = question, hint, value
+
+    def compose(self) -> ComposeResult:
+        with Vertical():
+            yield Static(self._question, markup=False)
+            yield Input(self._value)
+            yield Static(f"{self._hint}\n\nENTER accepts, ESC cancels", markup=False)
+
+    def on_mount(self) -> None:
+        self.query_one(Input).focus()
+
+    def on_input_submitted(self, event: Input.Submitted) -> None:
+        self.dismiss(event.value.strip())
+
+    def action_leave(self) -> None:
+        self.dismiss(None)
+
+
+# All runs of the session with outcome and verdict, and the messages of rover and program.
+
+
+class LogScreen(SessionScreen):
+    """L fetches the vehicle's logs; the vehicle must be disarmed."""
+
+    view = "log"
+    repeats_messages = False
+    BINDINGS = [
+        Binding("l", "fetch", "fetch the logs"),
+        Binding("up", "scroll(1)", "older"),
+        Binding("down", "scroll(-1)", "newer"),
+        Binding("pageup", "scroll(10)", "older"),
+        Binding("pagedown", "scroll(-10)", "newer"),
+    ]
+    back = 0
+
+    def picture(self, width: int, height: int) -> Text:
+        rows, palette, state = ScreenRows(self.palette, width, height), self.palette, self.state
+        rows.add(
+            f" runs: {len(state.runs)}, complete: {sum(r.outcome == 'done' for r in state.runs)}",
+            style=f"bold {palette.ink}",
+        )
+        most = height // 2 - 2
+        for run in state.runs[-most:]:
+            rows.add(f" {run_line(run, width - 2)}", style=palette.ink)
+        if state.fetching is not None:
+            f = state.fetching
+            share = f.done / f.total if f.total else 0.0
+            rows.add(
+                f" log {f.number}: {bar(share, 30)} {labels.size(f.done)} of {labels.size(f.total)}",
+                style=palette.ink,
+            )
+        if state.armed and not state.under_way and state.played is None:
+            rows.sentence("Disarm the rover to fetch its logs.", f"bold {palette.accent}")
+        if state.logs:
+            rows.sentence("on disk: " + ", ".join(path.name for path in state.logs), palette.good, most=2)
+        rows.add("─" * width, style=palette.quiet)
+        lines = [
+            (row, {"warning": palette.doubtful, "error": f"bold {palette.bad}"}.get(line.level, palette.ink))
+            for line in state.messages
+            for row in wrapped(f"{LEVELS[line.level]}{line.text}", width - 2)
+        ]
+        end = len(lines) - min(self.back, max(0, len(lines) - rows.left))
+        for row, style in lines[max(0, end - rows.left) : end]:
+            rows.add(f" {row}", style=style)
+        return rows.text()
+
+    def action_fetch(self) -> None:
+        self.session.ask(FetchLogs())
+
+    def action_scroll(self, step: int) -> None:
+        self.back = min(max(0, self.back + step), max(0, len(self.state.messages) - 1))
+        self.redraw()
+
+    def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
+        if action != "fetch":
+            return True
+        state = self.state
+        ready = state.vehicle is not None and state.played is None
+        return ready and not state.busy and not state.armed
+
+
+def run_line(run: RunRecord, width: int) -> str:
+    """A run with its outcome and verdict in one line."""
+    sign, outcome = labels.OUTCOMES[run.outcome]
+    verdict = run.reason
+    if run.verdict is not None:
+        verdict = f"{labels.ADVICE[run.verdict.advice][0]} {verdict_sentence(run.verdict)}"
+    return cells(
+        (run.name, f"{sign} {outcome}", f"±{run.manoeuvre.amplitude:g} us", verdict), (13, 11, 8, width - 36)
+    )
+
+
+# Choice of the connection: from the command line, remembered, serial ports.
+
+
+class ConnectScreen(SessionScreen):
+    """ENTER connects and runs the preflight checks, which change nothing."""
+
+    view = "connect"
+    repeats_messages = False
+    BINDINGS = [
+        Binding("enter", "connect", "connect"),
+        Binding("up", "choose(-1)", "choose"),
+        Binding("down", "choose(1)", "choose"),
+        Binding("u", "type_url", "type another"),
+        Binding("r", "look", "look for ports"),
+    ]
+    chosen = 0
+
+    def picture(self, width: int, height: int) -> Text:
+        rows = ScreenRows(self.palette, width, height).blank()
+        rows.add(" Which rover?", style=f"bold {self.palette.ink}").blank()
+        found = self.session.places
+        for n in window(len(found), self.chosen, height - 9):
+            mark = "▶" if n == self.chosen else " "
+            line = f" {mark} {found[n].url:<46.46} {found[n].origin}"
+            if n == self.chosen:
+                rows.filled(line, self.palette.inverse)
+            else:
+                rows.add(line, style=self.palette.ink)
+        rows.blank()
+        if self.state.vehicle is not None:
+            vehicle = self.state.vehicle
+            rows.sentence(f"Connected: {vehicle.words} on {self.state.url}", f"bold {self.palette.good}")
+        elif self.state.busy:
+            rows.sentence("Connecting ...", f"bold {self.palette.accent}")
+        elif len(self.state.failure) + 3 > width:  # too long for the message row below
+            rows.sentence(f"✗ {self.state.failure}", f"bold {self.palette.bad}", most=3)
+        if self.state.played is not None:
+            rows.sentence("This is a recording: its rover cannot be controlled.", self.palette.ink)
+            return rows.text()
+        rows.sentence(_may(self.session.setup.own_part), self.palette.ink)
+        rows.sentence(_folder(self.session.setup), self.palette.ink)
+        return rows.text()
+
+    def action_choose(self, step: int) -> None:
+        self.chosen = (self.chosen + step) % len(self.session.places)
+        self.redraw()
+
+    def action_connect(self) -> None:
+        place = self.session.places[self.chosen]
+        self.session.connect(place.url, place.system)
+
+    def action_look(self) -> None:
+        self.session.look_for_ports()
+        self.chosen = 0
+        self.redraw()
+
+    def action_type_url(self) -> None:
+        hint = "tcp:HOST:PORT, udp:HOST:PORT (listen), udpout:HOST:PORT, or /dev/ttyACM0,115200"
+        self.app.push_screen(Typing("Connection:", hint, self.session.setup.url), self._typed)
+
+    def _typed(self, url: str | None) -> None:
+        if url:
+            self.chosen = 0
+            self.session.connect(url)
+
+    def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
+        if action == "type_url":
+            return not (self.state.under_way or self.state.played is not None)
+        played = self.state.played is not None
+        return action != "connect" or not (self.state.busy or self.state.under_way or played)
+
+
+def _folder(setup: Setup) -> str:
+    """Sentence on the folder of the recordings and its earlier runs."""
+    if setup.folder is None:
+        return "No folder for recordings is given."
+    if not setup.driven:
+        return f"Recordings go to {setup.folder}."
+    count = f"{len(setup.driven)} runs" if len(setup.driven) > 1 else "1 run"
+    return f"Recordings go to {setup.folder}, which has {count}: that session is continued."
+
+
+def _may(own: tuple[str, ...]) -> str:
+    """Sentence on what the command line allows this program to do."""
+    if own:
+        return f"As the command line allows, this program {', '.join(own)}; it asks before each run."
+    return "This program records and writes parameters; the pilot arms, drives and throws the switch."

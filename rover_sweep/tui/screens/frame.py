@@ -3,16 +3,28 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from abc import abstractmethod
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING, ClassVar
 
 from rich.text import Text
+from textual import events
+from textual.app import ComposeResult
+from textual.binding import Binding
+from textual.containers import Vertical, VerticalScroll
+from textual.screen import ModalScreen, Screen
+from textual.widgets import Static
 
 from rover_sweep.live.source import Connect, DriveRequest, FetchLogs, Fix, Play, Preflight, Request
-from rover_sweep.tui.drawn import labels
-from rover_sweep.tui.drawn.drawing import ScreenRows, cut_line, joined
-from rover_sweep.tui.drawn.palette import Palette
-from rover_sweep.tui.model.pilot import Task
+from rover_sweep.tui import drawn as labels
+from rover_sweep.tui.drawn import Palette, ScreenRows, cut_line, harmless, joined
+from rover_sweep.tui.model.plan_rows import Task, task
 from rover_sweep.tui.model.state import State
+
+if TYPE_CHECKING:
+    from rover_sweep.tui.drawn import Palette
+    from rover_sweep.tui.model.state import State
+    from rover_sweep.tui.session_app import SessionApp
 
 VIEWS = ("connect", "preflight", "plan", "run", "verdict", "log", "results")
 LEAST = (72, 20)  # columns, rows
@@ -147,3 +159,200 @@ def too_small(state: State, task: Task, palette: Palette, width: int, height: in
         rows.sentence(f"{task.big}: {task.sentence}", f"bold {palette.ink}", most=4)
     rows.sentence(f"The window is {width}x{height}; make it {LEAST[0]}x{LEAST[1]} or larger.", palette.ink)
     return rows.text()
+
+
+# The keys of a view and what they do, how to stop first.
+
+
+_WIDTH = 66
+_STOPS = (
+    "SPACE or ESC ends a run at once, from every view.",
+    "Without this laptop: switch low, disarm, or change the mode; 3\N{NO-BREAK SPACE}s without this "
+    "program end it too.",
+)
+
+
+class KeysHelp(ModalScreen[None]):
+    """Scrolled by the arrow keys; any other key closes it, and does nothing else."""
+
+    BINDINGS: ClassVar = [
+        Binding("up", "scroll(-1)", show=False),
+        Binding("down", "scroll(1)", show=False),
+        Binding("pageup", "scroll(-10)", show=False),
+        Binding("pagedown", "scroll(10)", show=False),
+    ]
+    CSS = """
+    KeysHelp { align: center middle; background: $background; }
+    KeysHelp > Vertical { width: 72; max-width: 100%; height: 100%; border: heavy $foreground; padding: 0 2; }
+    KeysHelp VerticalScroll { scrollbar-size-vertical: 1; }
+    KeysHelp Static { width: 100%; height: auto; }
+    """
+
+    def __init__(self, palette: Palette, view: str, about: str, keys: Sequence[tuple[str, str]]) -> None:
+        super().__init__()
+        self._palette, self._view, self._about, self._keys = palette, view, about, tuple(keys)
+
+    def compose(self) -> ComposeResult:
+        with Vertical(), VerticalScroll(can_focus=False):
+            yield Static(self.picture(), id="help", markup=False)
+
+    def picture(self) -> Text:
+        """The content."""
+        palette = self._palette
+        rows = ScreenRows(palette, _WIDTH, 99)
+        rows.add(" To stop", style=f"bold {palette.bad}")
+        for sentence in _STOPS:
+            rows.sentence(sentence, f"bold {palette.ink}", indent=2)
+        rows.blank().add(f" Keys of {self._view}", style=f"bold {palette.accent}")
+        if self._about:
+            rows.sentence(self._about, palette.ink, indent=2)
+        for key, what in self._lines():
+            rows.add((f"  {key:<14}", f"bold {palette.ink}"), (what, palette.ink))
+        rows.blank().add(" any key closes this; up and down scroll", style=palette.quiet)
+        return rows.text()
+
+    def _lines(self) -> Iterator[tuple[str, str]]:
+        yield from self._keys
+        yield "^P", "all commands, found by their names"
+
+    def action_scroll(self, step: int) -> None:
+        self.query_one(VerticalScroll).scroll_relative(y=step, animate=False)
+
+    def on_key(self, event: object) -> None:
+        from textual import events
+
+        if isinstance(event, events.Key) and event.key not in ("up", "down", "pageup", "pagedown"):
+            event.stop()
+            self.dismiss(None)
+
+
+# A screen of the session, drawn from the state; redrawn when state or window change.
+
+
+_AROUND = 5  # rows: views, status, message, keys
+_NAMES = {
+    "up": "↑",
+    "down": "↓",
+    "left": "←",
+    "right": "→",
+    "enter": "ENTER",
+    "space": "SPACE",
+    "escape": "ESC",
+    "plus": "+",
+    "minus": "-",
+    "tab": "TAB",
+    "pageup": "PGUP",
+    "pagedown": "PGDN",
+}
+
+
+class SessionScreen(Screen[None]):
+    """`view`: its name; `picture`: the content between status and message. `repeats_messages`: show the last
+    line of the log below."""
+
+    view: ClassVar[str] = ""
+    repeats_messages: ClassVar[bool] = True
+    DEFAULT_CSS = """
+    SessionScreen { layout: vertical; overflow: hidden hidden; }
+    SessionScreen Static { width: 100%; text-wrap: nowrap; text-overflow: clip; }
+    SessionScreen .row { height: 1; }
+    SessionScreen #body { height: 1fr; }
+    SessionScreen #keys { height: 2; }
+    """
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._shown: dict[str, Text] = {}  # by place
+
+    @property
+    def session(self) -> SessionApp:
+        """The application, with its type."""
+        from rover_sweep.tui.session_app import SessionApp
+
+        assert isinstance(self.app, SessionApp)
+        return self.app
+
+    @property
+    def state(self) -> State:
+        return self.session.state
+
+    @property
+    def palette(self) -> Palette:
+        return self.session.palette
+
+    @abstractmethod
+    def picture(self, width: int, height: int) -> Text:
+        """The content, width columns by height rows."""
+
+    def compose(self) -> ComposeResult:
+        yield Static(id="tabs", classes="row", markup=False)
+        yield Static(id="status", classes="row", markup=False)
+        yield Static(id="body", markup=False)
+        yield Static(id="message", classes="row", markup=False)
+        yield Static(id="keys", markup=False)
+
+    def on_mount(self) -> None:
+        self.redraw()
+
+    def on_screen_resume(self) -> None:
+        self.redraw()
+
+    def on_key(self, event: events.Key) -> None:
+        """A capital letter is its key: the screen shows keys as capitals, and Caps Lock may be on."""
+        if len(event.key) == 1 and event.key != event.key.lower():
+            event.stop()
+            self.app.simulate_key(event.key.lower())
+
+    def on_resize(self) -> None:
+        self.redraw()
+
+    def redraw(self) -> None:
+        """Draw all parts."""
+        if not self.is_mounted:
+            return
+        width, height = self.size
+        small = is_small(width, height)
+        for name in ("tabs", "status", "message", "keys"):
+            self.query_one(f"#{name}").display = not small
+        for name, picture in self._pictures(width, height, small):
+            shown = self._shown.get(name, Text())
+            if shown != picture or shown.style != picture.style:  # laying out again is dear
+                self._shown[name] = harmless(picture)
+                self.query_one(f"#{name}", Static).update(picture)
+
+    def _pictures(self, width: int, height: int, small: bool) -> Iterator[tuple[str, Text]]:
+        """(place, content) of all parts."""
+        if small:
+            yield "body", too_small(self.state, task(self.state), self.palette, width, height)
+            return
+        waited = self.session.waited
+        yield "tabs", tabs(self.view, self.palette, width)
+        yield "status", status(self.state, self.palette, width)
+        yield "body", self._drawn(width, height - _AROUND)
+        yield "message", message(self.state, self.palette, width, self.repeats_messages, waited)
+        yield "keys", keys(list(self.keys_now()), self.palette, width)
+
+    def _drawn(self, width: int, height: int) -> Text:
+        """The content, or a sentence on an exception: the program must keep running during a run."""
+        try:
+            return self.picture(width, height)
+        except Exception as error:
+            words = f"This view cannot be drawn ({error!r}); other views and SPACE to abort still work."
+            return ScreenRows(self.palette, width, height).sentence(words, f"bold {self.palette.bad}").text()
+
+    def keys_now(self) -> Iterator[tuple[str, str]]:
+        """(key, action) of all active keys, priority keys first; keys of the same action together."""
+        actions: dict[str, tuple[list[str], Binding]] = {}
+        for active in self.active_bindings.values():
+            binding = active.binding
+            if binding.show and active.enabled:
+                actions.setdefault(binding.description, ([], binding))[0].append(_key(binding))
+        ordered = sorted(actions.items(), key=lambda item: not item[1][1].priority)
+        for what, (names, _) in ordered:
+            yield "/".join(dict.fromkeys(names)), what
+
+
+def _key(binding: Binding) -> str:
+    if binding.key_display:
+        return binding.key_display
+    return _NAMES.get(binding.key, binding.key.upper())

@@ -2,14 +2,31 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
 from rich.text import Text
 from textual.binding import Binding
 
-from rover_sweep.tui.drawn import labels
-from rover_sweep.tui.drawn.drawing import ScreenRows, cut_line, window, wrapped
-from rover_sweep.tui.drawn.palette import Palette
-from rover_sweep.tui.jobs.analysis import AnalysisJob
-from rover_sweep.tui.screens.session_screen import SessionScreen
+from firmware_params.applet_parameters import PARAMETERS
+from rover_sweep.data.braille import braille_lines
+from rover_sweep.live.source import ResponseCurve
+from rover_sweep.tui import drawn as labels
+from rover_sweep.tui.drawn import (
+    Palette,
+    ScreenRows,
+    column_chart,
+    cut_line,
+    fixed_width,
+    pointer,
+    window,
+    wrapped,
+)
+from rover_sweep.tui.jobs import AnalysisJob
+from rover_sweep.tui.model.setup import Setup
+from rover_sweep.tui.model.state import State
+from rover_sweep.tui.screens.frame import SessionScreen
 
 _SIGNS = {"running": "▶ working", "done": "✓ done", "failed": "✗ failed"}
 
@@ -145,3 +162,152 @@ def _result_lines(job: AnalysisJob, palette: Palette, width: int) -> list[tuple[
 
 def _fitted(line: str, width: int) -> list[str]:
     return wrapped(line, width) if len(line) > width else [line]
+
+
+# The frequency response of a run just driven: gain, phase and coherence over frequency.
+
+
+ENOUGH = 0.6  # coherence from which a point is used in a fit
+_LABELS = 13  # columns
+_INPUTS = {
+    "rad": "rad of wheel angle, left positive, as in the report",
+    "us": "us of output (report: per rad, left positive)",
+}
+
+
+def draw_bode(rows: ScreenRows, curve: ResponseCurve) -> None:
+    """Three panels over one frequency axis, in the rows that are left."""
+    palette = rows.palette
+    name = labels.RESPONSES.get(curve.response, curve.response)
+    rows.add(f" {name} per {_INPUTS[curve.steering]}, over rad/s", style=f"bold {palette.ink}")
+    room = rows.left - 2
+    if room < 9 or len(curve.w) < 2:
+        rows.add(" too few points, or too small a window, for a picture", style=palette.quiet)
+        return
+    each = room // 3
+    trusted = [k for k, c in enumerate(curve.coherence) if c >= ENOUGH] or range(len(curve.w))
+    _panel(rows, "gain dB", curve.w, curve.gain, _range([curve.gain[k] for k in trusted], 5.0), each)
+    _panel(rows, "phase deg", curve.w, curve.phase, _range([curve.phase[k] for k in trusted], 90.0), each)
+    _panel(rows, "coherence", curve.w, curve.coherence, (0.0, 1.0), room - 2 * each)
+    rows.add(" " * _LABELS + decades(curve.w[0], curve.w[-1], _width(rows)), style=palette.quiet)
+    good = sum(c >= ENOUGH for c in curve.coherence) / len(curve.w)
+    rows.add(f" coherence is at least {ENOUGH:g} at {100 * good:.0f} % of the points", style=palette.ink)
+
+
+def _width(rows: ScreenRows) -> int:
+    return rows.width - _LABELS - 1
+
+
+def _panel(
+    rows: ScreenRows, name: str, w: Sequence[float], y: Sequence[float], ends: tuple[float, float], each: int
+) -> None:
+    across = [math.log(one) for one in w]
+    drawn = braille_lines([(across, y)], (across[0], across[-1]), ends, _width(rows), each)
+    for n, line in enumerate(drawn):
+        value = f"{ends[1]:.4g}" if n == 0 else f"{ends[0]:.4g}" if n == each - 1 else ""
+        word = name if n == each // 2 else ""
+        rows.add(
+            (f" {word or value:>{_LABELS - 3}} ┤" if value or word else " " * (_LABELS - 1) + "│", ""),
+            (line, rows.palette.accent),
+            style=rows.palette.ink,
+        )
+
+
+def _range(values: Sequence[float], step: float) -> tuple[float, float]:
+    """The ends, multiples of `step`, of an axis that holds the values."""
+    finite = [v for v in values if math.isfinite(v)] or [0.0]
+    low, high = math.floor(min(finite) / step) * step, math.ceil(max(finite) / step) * step
+    return low, (high if high > low else low + step)
+
+
+def decades(low: float, high: float, width: int) -> str:
+    """A row of `width` characters below a logarithmic axis: 1, 2, 5, ... at their places, and the ends."""
+    row = [" "] * width
+    span = math.log(high / low)
+    first, last = f"{low:.2g}", f"{high:.2g}"
+    for place, text in ((0, first), (width - len(last), last)):
+        row[place : place + len(text)] = text
+    for exponent in range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1):
+        for digit in (1, 2, 5):
+            value = digit * 10.0**exponent
+            text = f"{value:g}"
+            at = round(math.log(value / low) / span * (width - 1))
+            around = row[max(0, at - 1) : at + len(text) + 1]
+            if low < value < high and at + len(text) < width and all(cell == " " for cell in around):
+                row[at : at + len(text)] = text
+    return "".join(row)
+
+
+# The signals of a run: value, position between limits, short history.
+
+
+_DEFAULTS = {p.name: p.default for p in PARAMETERS}
+_STEERED = range(3, 9)  # states of the applet in which the limits apply
+_TRIM = 1500.0  # us, without a vehicle file
+_AY = 10.0  # m/s^2, range of the gauge; there is no limit
+_DEGREES = 180 / math.pi
+
+
+@dataclass(frozen=True)
+class GaugeSignal:
+    """field: of a Snapshot, shown in unit after multiplication by scale; low, high: range of the gauge;
+    limits: as text, or ''."""
+
+    name: str
+    field: str
+    scale: float
+    unit: str
+    form: str
+    low: float
+    high: float
+    limits: str = ""
+
+
+def limit_of(state: State, setup: Setup) -> Callable[[str], float]:
+    """A function for the limits of the applet: set on the vehicle, else on the command line, else default."""
+    extra = {f"SWP_{name.upper()}": value for name, value in setup.settings.extra.items()}
+    return lambda name: state.parameters.get(name, extra.get(name, _DEFAULTS[name]))
+
+
+def signals_of(state: State, setup: Setup) -> tuple[GaugeSignal, ...]:
+    """The signals with their limits."""
+    limit, vehicle = limit_of(state, setup), setup.vehicle
+    trim = vehicle.trim_us.value if vehicle and vehicle.trim_us else _TRIM
+    most, r_max, roll = limit("SWP_PWM_MAX"), limit("SWP_R_MAX"), limit("SWP_ROLL_MAX")
+    slow, fast = limit("SWP_V_MIN"), limit("SWP_V_MAX")
+    return (
+        GaugeSignal("steering", "pwm", 1.0, "us", "6.0f", trim - most, trim + most, f"{trim:g} ±{most:g}"),
+        GaugeSignal("yaw rate", "r", _DEGREES, "°/s", "+6.0f", -r_max, r_max, f"±{r_max:g}"),
+        GaugeSignal("lat. acc.", "ay", 1.0, "m/s²", "+6.1f", -_AY, _AY),
+        GaugeSignal("speed", "speed", 1.0, "m/s", "6.2f", slow, fast, f"{slow:g} to {fast:g}"),
+        GaugeSignal("roll", "phi", _DEGREES, "°", "+6.1f", -roll, roll, f"±{roll:g}"),
+    )
+
+
+def draw_signals(rows: ScreenRows, state: State, setup: Setup, each: int) -> None:
+    """Draw the signals, `each` rows per signal."""
+    place = 51 if rows.width >= 120 else 21
+    _heading(rows, state, place)
+    for signal in signals_of(state, setup):
+        values = [signal.scale * getattr(one, signal.field) for one in state.history]
+        value = values[-1] if values else math.nan
+        past = bool(signal.limits) and state.applet in _STEERED and not signal.low <= value <= signal.high
+        ink = rows.palette.bad if past else rows.palette.ink
+        limits = f"PAST {signal.limits}" if past else signal.limits
+        text = f" {signal.name:<9} {fixed_width(value, signal.form)} {signal.unit:<5}"
+        where = f"{pointer(value, signal.low, signal.high, place)} {limits:<14.14} "
+        drawn = column_chart(values, signal.low, signal.high, rows.width - len(text) - len(where) - 1, each)
+        for n, row in enumerate(drawn):
+            left = text + where if n == each // 2 else " " * len(text + where)
+            rows.add((left, f"bold {ink}" if n == each // 2 else ""), (row, rows.palette.quiet))
+        if each > 1:
+            rows.blank()
+
+
+def _heading(rows: ScreenRows, state: State, place: int) -> None:
+    """What the columns show: value, place between the limits, and the time that the history spans."""
+    columns = rows.width - 23 - place - 17
+    past = state.history[-columns:] if columns > 0 else ()
+    span = f"last {past[-1].t - past[0].t:.0f} s" if len(past) > 1 else ""
+    ends = f"{'low':<{place // 2}}{'high':>{place - place // 2}}"
+    rows.add(f" {'':<22}{ends} {'limits':<14} {span:>{max(columns, 0)}}", style=rows.palette.quiet)

@@ -7,16 +7,15 @@ import math
 from rich.text import Text
 from textual.binding import Binding
 
+from rover_sweep.live.source import CoherenceBand, Verdict
 from rover_sweep.manoeuvre.sweep import Doublet
-from rover_sweep.tui.drawn import labels
-from rover_sweep.tui.drawn.drawing import ScreenRows
-from rover_sweep.tui.drawn.gauges import bar, fixed_width
-from rover_sweep.tui.drawn.large_text import big, huge
-from rover_sweep.tui.model.pilot import task
+from rover_sweep.tui import drawn as labels
+from rover_sweep.tui.drawn import ScreenRows, bar, big, cells, fixed_width, huge
+from rover_sweep.tui.model.plan_rows import task
 from rover_sweep.tui.model.state import RunRecord, State
-from rover_sweep.tui.screens import signals
-from rover_sweep.tui.screens.frame import ABORT_WORDS
-from rover_sweep.tui.screens.session_screen import SessionScreen
+from rover_sweep.tui.screens import results as signals
+from rover_sweep.tui.screens.frame import ABORT_WORDS, SessionScreen
+from rover_sweep.tui.screens.results import draw_bode
 
 
 class RunScreen(SessionScreen):
@@ -144,3 +143,192 @@ def _roomy(rows: ScreenRows) -> bool:
 def _tall(height: int) -> int:
     """Rows for the history of each signal."""
     return max(1, min(6, (height - 28) // 5)) if height > 34 else 1
+
+
+# The verdict on a run: keep or repeat, coherence by band, proposed amplitudes.
+
+
+_NONE = "This run has no verdict."
+NOT_FITTED = "Weak bands of the V_y rate do not count: the models are not fitted to it."
+_WAITING = {
+    "asked": "The run has not started.",
+    "running": "The run is in progress; the verdict follows right after it.",
+    "done": "Computing the verdict.",
+}
+
+
+class VerdictScreen(SessionScreen):
+    """W adds a repeat with the proposed amplitude to the plan, T lowers the throttle; B draws responses."""
+
+    view = "verdict"
+    repeats_messages = False
+    BINDINGS = [
+        Binding("g", "go", "drive the next"),
+        Binding("w", "take", "plan the repeat"),
+        Binding("t", "lower", "lower the throttle"),
+        Binding("b", "bode", "Bode"),
+        Binding("up", "other(-1)", "other response"),
+        Binding("down", "other(1)", "other response"),
+        Binding("left", "turn(-1)", "other run"),
+        Binding("right", "turn(1)", "other run"),
+    ]
+    back = 0  # index of the shown run, counted back from the latest
+    drawn = False  # the response, in place of the tables
+    response = 0  # index of the drawn one
+    _known = 0  # number of runs when the view was last shown
+
+    def on_screen_resume(self) -> None:
+        """Show the latest run if there is a new one."""
+        if len(self.state.runs) != self._known:
+            self.back, self._known = 0, len(self.state.runs)
+        super().on_screen_resume()
+
+    @property
+    def run_shown(self) -> RunRecord | None:
+        runs = self.state.runs
+        return runs[max(0, len(runs) - 1 - self.back)] if runs else None
+
+    def picture(self, width: int, height: int) -> Text:
+        rows, palette = ScreenRows(self.palette, width, height), self.palette
+        run = self.run_shown
+        if run is None:
+            return rows.blank().sentence("No run was driven yet.", palette.ink).text()
+        sign, outcome = labels.OUTCOMES[run.outcome]
+        rows.add(
+            f" {run.name}: {labels.manoeuvre(run.manoeuvre)}: {sign} {outcome}", style=f"bold {palette.ink}"
+        )
+        now = task(self.state)
+        if now.urgent and self.state.played is None:  # the verdict comes while the switch is still high
+            rows.filled(f" {now.big}: {now.sentence}", palette.asking)
+        if run.reason:
+            rows.sentence(run.reason, f"bold {palette.bad}", most=2)
+        if run.verdict is None:
+            return rows.blank().sentence(_WAITING.get(run.outcome, _NONE), palette.ink).text()
+        if self.drawn and run.verdict.curves:
+            draw_bode(rows, run.verdict.curves[self.response % len(run.verdict.curves)])
+            return rows.text()
+        self._advice(rows, run)
+        rows.sentence(self._next(run), f"bold {palette.accent}", most=2)
+        self._bands(rows, run)
+        return rows.text()
+
+    def _next(self, run: RunRecord) -> str:
+        """Sentence on the next step."""
+        if self.state.played is not None or self.state.under_way:
+            return ""
+        verdict, row = run.verdict, self.session.next_row
+        again = f"W plans a repeat with {verdict.amplitude:.0f} us. " if verdict and verdict.amplitude else ""
+        if verdict is not None and verdict.throttle and self.session.can_lower_throttle(run):
+            again = f"T lowers the throttle to {verdict.throttle[1]} us; then G asks and drives it again. "
+        if verdict is not None and verdict.advice != "keep" and again:
+            return again
+        if row is None:
+            first = "disarm, then " if self.state.armed else ""
+            return f"{again}The plan is complete: {first}6 fetches the logs, 7 identifies, 3 plans more."
+        return (
+            f"{again}Next: {row.name}, {labels.manoeuvre(row.manoeuvre)} at {row.speed:g} m/s"
+            f"{self._throttle()} (G drives it)."
+        )
+
+    def _throttle(self) -> str:
+        """With which throttle this program drives, as part of a sentence; "" if the pilot does."""
+        us = self.session.setup.settings.throttle_us
+        return "" if us is None else f" with throttle {us} us"
+
+    def _advice(self, rows: ScreenRows, run: RunRecord) -> None:
+        verdict, palette = run.verdict, self.palette
+        assert verdict is not None
+        style = {"keep": palette.good, "repeat": palette.doubtful}.get(verdict.advice, palette.bad)
+        sign, word = labels.ADVICE[verdict.advice]
+        for line in huge(word) if rows.height > 40 else big(word):
+            rows.filled(f"  {line}", f"bold {palette.ground} on {style}")
+        rows.sentence(f"{sign} {verdict_sentence(verdict)}", f"bold {palette.ink}", most=3)
+        in_table = {f"{band.response}: " for band in verdict.bands}
+        remarks = [text for text in verdict.remarks if not text.startswith(tuple(in_table))]
+        for remark in remarks[: 2 if rows.height < 30 else 6]:
+            rows.sentence(remark, palette.ink, most=2)
+
+    def _bands(self, rows: ScreenRows, run: RunRecord) -> None:
+        verdict = run.verdict
+        assert verdict is not None
+        if rows.left > 2 and (verdict.bands or verdict.per_band):
+            _matrix(rows.blank(), verdict)
+            if words := why_kept(verdict):
+                rows.sentence(words, self.palette.quiet, most=1)
+
+    def action_go(self) -> None:
+        self.session.drive_next()
+
+    def action_turn(self, step: int) -> None:
+        self.back = min(max(0, self.back - step), max(0, len(self.state.runs) - 1))
+        self.redraw()
+
+    def action_bode(self) -> None:
+        self.drawn = not self.drawn
+        self.redraw()
+
+    def action_other(self, step: int) -> None:
+        self.response += step
+        self.redraw()
+
+    def action_take(self) -> None:
+        if self.run_shown is not None:
+            self.session.plan_repeat(self.run_shown)
+
+    def action_lower(self) -> None:
+        if self.run_shown is not None:
+            self.session.lower_throttle(self.run_shown)
+
+    def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
+        if action == "go":
+            return self.session.may_drive
+        if action == "lower":
+            return self.session.can_lower_throttle(self.run_shown)
+        if action == "take":
+            return self.run_shown is not None and self.run_shown.verdict is not None
+        if action in ("bode", "other"):
+            run = self.run_shown
+            there = run is not None and run.verdict is not None and bool(run.verdict.curves)
+            return there and (action == "bode" or self.drawn)
+        return action != "turn" or len(self.state.runs) > 1
+
+
+def verdict_sentence(verdict: Verdict) -> str:
+    """The verdict's sentence, starting with the advice in capitals."""
+    word, sentence = labels.ADVICE[verdict.advice][1], verdict.sentence
+    if sentence.lower().startswith(word.lower()):
+        return word + sentence[len(word) :]
+    return f"{word}: {sentence}"
+
+
+def why_kept(verdict: Verdict) -> str:
+    """Why weak bands of V_y do not count in a run that is kept; "" where there are none."""
+    weak = {band.response for band in verdict.bands if band.coherence < 0.6}
+    return NOT_FITTED if verdict.advice == "keep" and weak == {"vydot"} else ""
+
+
+def _matrix(rows: ScreenRows, verdict: Verdict) -> None:
+    """A row per band, a column per response, and the amplitude [us] needed in the band."""
+    responses = tuple(dict.fromkeys(band.response for band in verdict.bands))
+    spans = sorted(
+        {(b.low, b.high) for b in verdict.bands} | {(low, high) for low, high, _ in verdict.per_band}
+    )
+    there = {(band.response, band.low, band.high): band for band in verdict.bands}
+    wanted = {(low, high): us for low, high, us in verdict.per_band}
+    wide = rows.width >= 110
+    widths = (13, *((24 if wide else 13) for _ in responses), 9)
+    names = (labels.RESPONSES.get(response, response) for response in responses)
+    rows.add(" " + cells(("rad/s", *names, "us needed"), widths), style=rows.palette.quiet)
+    for low, high in spans[: rows.left - (len(spans) > rows.left)]:
+        coherences = (_coherence(there.get((response, low, high)), wide) for response in responses)
+        us = f"{wanted[low, high]:.0f}" if (low, high) in wanted else ""
+        rows.add(" " + cells((f"{low:.2g} to {high:.2g}", *coherences, us), widths), style=rows.palette.ink)
+    if rows.left == 1 and len(spans) > 1:
+        rows.add(" ... more rows in a larger window", style=rows.palette.quiet)
+
+
+def _coherence(band: CoherenceBand | None, wide: bool) -> str:
+    if band is None:
+        return "-"
+    word = band.words.partition(":")[0]
+    return f"{bar(band.coherence, 6)} {fixed_width(band.coherence, '.2f')} {word}" if wide else word

@@ -8,24 +8,204 @@ nobody reads while the rover drives, the RC override lapses (RC_OVERRIDE_TIME, 3
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Hashable, Iterator
+from collections.abc import Callable, Hashable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass, field
 from itertools import islice
 from pathlib import Path
 from typing import Any, Self
 
-from rover_sweep.errors import LinkError
-from rover_sweep.vehicle.link.access import Access
-from rover_sweep.vehicle.link.clock import Periodic, VehicleClock
-from rover_sweep.vehicle.link.inbox import Inbox
-from rover_sweep.vehicle.link.link_quality import LinkQuality
-from rover_sweep.vehicle.link.mavlink import SAFETY_ARMED, Codec, Message, is_autopilot, kind, make, sender
-from rover_sweep.vehicle.link.recorder import TlogWriter
-from rover_sweep.vehicle.link.refusals import Refusals
-from rover_sweep.vehicle.link.roll_call import RollCall, heard_as
-from rover_sweep.vehicle.link.statustext import StatusText, TextAssembler
+from rover_sweep.errors import LinkError, UsageError
+from rover_sweep.vehicle.link.inbox import Inbox, LinkQuality, Refusals
+from rover_sweep.vehicle.link.mavlink import (
+    SAFETY_ARMED,
+    Codec,
+    Message,
+    SigningKey,
+    is_autopilot,
+    kind,
+    make,
+    sender,
+    vehicle_type_name,
+)
+from rover_sweep.vehicle.link.recorded_transport import TlogWriter
+from rover_sweep.vehicle.link.statustext import StatusText, TextAssembler, Unwatched, Watch
 from rover_sweep.vehicle.link.transport import Line, Transport
-from rover_sweep.vehicle.link.watch import Unwatched, Watch
+
+# The vehicle's clock, and periodic actions on it.
+
+
+_MICROSECONDS_OF_BOOT = frozenset({"RAW_IMU", "HIGHRES_IMU"})  # time_usec since boot in ArduPilot
+_REWIND = 1.0  # s: a larger step back is a reboot, not messages out of order
+
+
+def vehicle_seconds(message: Message) -> float | None:
+    """The time since boot in a message [s]; None if it has none.
+
+    Not for SERVO_OUTPUT_RAW: its 32-bit microseconds wrap after 71 minutes.
+    """
+    if kind(message) in _MICROSECONDS_OF_BOOT:
+        return message.time_usec * 1e-6
+    boot_ms = getattr(message, "time_boot_ms", None)
+    return None if boot_ms is None else boot_ms * 1e-3
+
+
+@dataclass
+class VehicleClock:
+    """now: latest time since boot [s]; known: whether there is one; boots: number of reboots.
+
+    A reboot is two messages in a row with an earlier time; a single one is a late message.
+    """
+
+    now: float = 0.0
+    known: bool = False
+    boots: int = 0
+    _earlier: float | None = None
+
+    def update(self, message: Message) -> None:
+        seconds = vehicle_seconds(message)
+        if seconds is None:
+            return
+        if self.known and seconds < self.now - _REWIND:
+            self._went_back(seconds)
+            return
+        self.now, self.known, self._earlier = max(self.now, seconds), True, None
+
+    def _went_back(self, seconds: float) -> None:
+        if self._earlier is None or seconds < self._earlier:
+            self._earlier = seconds
+            return
+        self.boots, self.now, self._earlier = self.boots + 1, seconds, None
+
+
+@dataclass
+class Periodic:
+    """An action every `interval` s of the vehicle's clock or of ours, which of them is faster.
+
+    The vehicle's clock serves a rover that is simulated faster than real time. Ours keeps the heartbeat going
+    while the vehicle sends no time.
+    """
+
+    interval: float
+    action: Callable[[], None]
+    _vehicle: float = field(default=float("-inf"), init=False)
+    _wall: float = field(default=float("-inf"), init=False)
+
+    def run_if_due(self, vehicle: float, wall: float) -> None:
+        if vehicle < self._vehicle:  # rebooted
+            self._vehicle = float("-inf")
+        if vehicle - self._vehicle >= self.interval or wall - self._wall >= self.interval:
+            self._vehicle, self._wall = vehicle, wall
+            self.action()
+
+
+# Which vehicle a link connects to, its signing key, and how the user is asked and informed.
+
+
+@dataclass(frozen=True)
+class Heard:
+    """An autopilot that is heard on a link. system: its MAVLink system id; kind: its MAV_TYPE as words."""
+
+    system: int
+    kind: str
+
+    def __str__(self) -> str:
+        return f"system {self.system} ({self.kind})"
+
+
+class SeveralVehicles(UsageError):
+    """More than one vehicle is heard and none was chosen. heard: all of them."""
+
+    def __init__(self, url: str, heard: Sequence[Heard]) -> None:
+        self.heard = tuple(heard)
+        names = ", ".join(map(str, self.heard))
+        super().__init__(f"{len(heard)} vehicles are heard on {url}: {names}; choose one with --system N")
+
+
+def _nobody(sentence: str) -> None:
+    """Ignore the sentence."""
+
+
+@dataclass(frozen=True)
+class Access:
+    """system: id of the vehicle to connect to; None: the only one that is heard. choose: called for a system
+    id if several are heard. tell: called with a sentence for each unexpected observation, such as a second
+    rover; it may be called during any wait on the link. key: of MAVLink signing.
+    """
+
+    system: int | None = None
+    choose: Callable[[Sequence[Heard]], int] | None = None
+    tell: Callable[[str], None] = _nobody
+    key: SigningKey | None = None
+
+    def chosen(self, url: str, heard: Sequence[Heard]) -> int:
+        """The system id to connect to, of those heard on `url`. SeveralVehicles if nobody can choose."""
+        if len(heard) == 1:
+            return heard[0].system
+        if self.choose is None:
+            raise SeveralVehicles(url, heard)
+        return self.choose(heard)
+
+
+# Which autopilots are heard on a link, and whether there was time to hear a second one.
+
+
+HEARING = 1.2  # s after the first heartbeat; ArduPilot sends one a second
+
+
+class RollCall:
+    """heartbeats: the last one of each autopilot, by system id, in the order in which they were heard.
+
+    only: the system id to wait for, None: any.
+    """
+
+    def __init__(self, only: int | None = None) -> None:
+        self._only = only
+        self.heartbeats: dict[int, Message] = {}
+        self._began: float | None = None
+        self._clock: tuple[int, float, float] | None = None  # of a vehicle: its id, first and last time [s]
+
+    def hear(self, message: Message, now: float) -> None:
+        """Take a message of any sender. now [s]: of a clock that never goes back."""
+        system = sender(message)[0]
+        if is_autopilot(message):
+            self.heartbeats[system] = message
+            if self._only in (None, system) and self._began is None:
+                self._began = now
+        seconds = vehicle_seconds(message)
+        if seconds is None or system not in self.heartbeats:
+            return
+        if self._clock is None:
+            self._clock = (system, seconds, seconds)
+        elif self._clock[0] == system:
+            self._clock = (system, self._clock[1], seconds)
+
+    def over(self, now: float) -> bool:
+        """Whether all vehicles had time to be heard: HEARING has passed by our clock, or by that of a vehicle
+        that is simulated faster than real time. With `only`, it is enough to hear that one."""
+        if self._began is None:
+            return False
+        passed = self._clock[2] - self._clock[1] if self._clock is not None else 0.0
+        return self._only is not None or max(now - self._began, passed) >= HEARING
+
+    @property
+    def heard(self) -> tuple[Heard, ...]:
+        """All autopilots heard, by id; with `only`, at most that one."""
+        return tuple(
+            heard_as(message)
+            for system, message in sorted(self.heartbeats.items())
+            if self._only in (None, system)
+        )
+
+    def others(self) -> str:
+        """The autopilots heard, as a list in words; '' if none."""
+        return ", ".join(str(heard_as(m)) for _, m in sorted(self.heartbeats.items()))
+
+
+def heard_as(heartbeat: Message) -> Heard:
+    """The sender of a heartbeat."""
+    return Heard(sender(heartbeat)[0], vehicle_type_name(heartbeat.type))
+
 
 _GCS_TYPE, _NO_AUTOPILOT = 6, 8  # MAV_TYPE_GCS, MAV_AUTOPILOT_INVALID
 

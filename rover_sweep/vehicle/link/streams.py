@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from statistics import median
 
-from rover_sweep.vehicle.link.clock import vehicle_seconds
+from rover_sweep.vehicle.link.connection import vehicle_seconds
 from rover_sweep.vehicle.link.link import Link
 from rover_sweep.vehicle.link.mavlink import Message, kind, message_id
 

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from rover_sweep.manoeuvre.sweep import Sweep
 from rover_sweep.vehicle.identity import NEWEST, untested
-from rover_sweep.vehicle.preflight.item import Check, Remedy
-from rover_sweep.vehicle.preflight.observed import Observation
-from rover_sweep.vehicle.setup.survey import SurveyedParameter
+from rover_sweep.vehicle.preflight.rates import streams
+from rover_sweep.vehicle.preflight.read_rover import Check, Observation, Remedy
+from rover_sweep.vehicle.setup import SurveyedParameter
 
 # Bits of Rover's LOG_BITMASK (Rover/defines.h, 4.6.3), and the data that is missing without them.
 _LOG_BITS = {0: "attitude at loop rate", 2: "GPS", 7: "IMU at loop rate", 13: "steering", 14: "servo outputs"}
@@ -145,3 +146,71 @@ def logging(observed: Observation) -> Check:
         hand = Remedy("check the card, then reboot", by_hand=True)
         return Check("logging", "bad", "logging failed", sentence, hand)
     return Check("logging", "good", value, _CARD)
+
+
+# Check of the free space on this computer's disk against the size of a run.
+
+
+_BEFORE_AND_AFTER = 45.0  # s of log around the manoeuvre: standstill, run-up, 15 s after disarming
+_TLOG = 12e3  # B/s at the rates of vehicle.streams: 57 B frames 200 times a second
+_LOG_PER_LOOP = 250.0  # B of .BIN per main loop: 25 kB/s at 100 Hz (tests/data/ardurover-4.6.3/nominal)
+_RAW = 450e3  # B/s of .BIN more with bit 19, raw IMU (LOG_BITMASK)
+_FEW, _MANY = 3, 20  # runs
+
+
+def run_bytes(loop_rate: float, bitmask: float) -> float:
+    """Bytes of a run on this disk, .tlog and .BIN together. loop_rate [Hz]; bitmask: LOG_BITMASK."""
+    log = _RAW if bitmask > 0 and int(bitmask) >> 19 & 1 else _LOG_PER_LOOP * max(loop_rate, 50.0)
+    return (Sweep().duration + _BEFORE_AND_AFTER) * (_TLOG + log)
+
+
+def disk(observed: Observation) -> Check:
+    """Whether the session's folder has room for its runs."""
+    free, folder = observed.disk
+    loop = observed.parameter("SCHED_LOOP_RATE")
+    each = run_bytes(50.0 if loop != loop else loop, observed.parameter("LOG_BITMASK"))
+    value = f"{free / 1e9:.1f} GB free" if free >= 1e9 else f"{free / 1e6:.0f} MB free"
+    runs = int(free / each)
+    sentence = (
+        f"room for {runs} runs of {each / 1e6:.0f} MB in {folder}"
+        if runs < 1000
+        else f"{each / 1e6:.0f} MB a run"
+    )
+    if runs < _MANY:
+        hand = Remedy("free some space, or use another folder", by_hand=True)
+        return Check("disk", "bad" if runs < _FEW else "doubtful", value, sentence, hand)
+    return Check("disk", "good", value, sentence)
+
+
+# Check that says from which recording the runs will be identified, and why.
+
+
+_SLOW = 20.0  # Hz: streams up to this rate are not used for identification
+
+
+def source(observed: Observation) -> Check:
+    """The rover's log (.BIN) if one is written, else the telemetry (.tlog) if its streams are good.
+
+    The log has the applet's steering and the IMU at the loop rate on one clock, without a radio in between.
+    """
+    log, telemetry = logging(observed), streams(observed)
+    fast = {s.message for s in observed.streams if s.wanted_hz > _SLOW}
+    came = [q for q in observed.quality if q.count > 2 and q.message in fast]
+    rate = f"{min(q.mean_hz for q in came):.0f} Hz" if came else "nothing"
+    if log.state == "good":
+        loop = observed.parameter("SCHED_LOOP_RATE")
+        at = "" if loop != loop else f" at {loop:.0f} Hz"
+        instead = (
+            f"without it the .tlog ({rate}) is good enough"
+            if telemetry.state == "good"
+            else f"the .tlog ({rate}) is not good enough to replace it"
+        )
+        sentence = f"it has steering and IMU{at} on one clock and loses nothing by radio; {instead}"
+        return Check("source", "good", "the .BIN log, fetched after the runs", sentence)
+    why = log.sentence or "the rover does not report whether it logs"
+    if telemetry.state == "good":
+        hand = Remedy("correct the logging first, or continue with the telemetry", by_hand=True)
+        return Check("source", "doubtful", f"the .tlog, {rate}", f"no good log: {why}", hand)
+    hand = Remedy("correct the logging or the streams: see these checks", by_hand=True)
+    sentence = f"no good log: {why}; no good telemetry: {telemetry.sentence}"
+    return Check("source", "bad", "neither", sentence, hand)

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from math import atan2, ceil, degrees, hypot, isnan, pi, sqrt
 
-from rover_sweep.manoeuvre.applet_values import LEAST_SAMPLES
-from rover_sweep.vehicle.link.streams import fastest_interval_ms, stream_fault
-from rover_sweep.vehicle.preflight.item import Check, Remedy, State
-from rover_sweep.vehicle.preflight.observed import Observation
+from firmware_params.applet_parameters import SWITCH_HIGH, SWITCH_LOW
+from rover_sweep.manoeuvre.sweep import LEAST_SAMPLES
+from rover_sweep.vehicle.link.inbox import ADVICE, LinkQuality
+from rover_sweep.vehicle.link.streams import LOST, StreamQuality, fastest_interval_ms, stream_fault
+from rover_sweep.vehicle.preflight.read_rover import Check, ClockComparison, Observation, Remedy, State
+from rover_sweep.vehicle.run.controls import SCRIPTING_1
 
 LOOP_RATE = 100  # Hz, as identification.param: allows streams of 50 Hz; scripts wait 17 instead of 72 ms
 CUTOFF = 20.0  # Hz, as identification.param
@@ -157,3 +160,149 @@ def clock(observed: Observation) -> Check:
         hand = Remedy("go closer, or use USB", by_hand=True)
         return Check("clock", state, value, f"{late}; {sentence}", hand)
     return Check("clock", "good", value, sentence)
+
+
+# Check of the link: lost or damaged frames, and the time to an answer.
+
+
+_LEAST_FRAMES = 50  # fewer give too rough an estimate of the lost share
+
+
+def link(observed: Observation) -> Check:
+    """Loss from the sequence numbers of the frames, and the time from a request to its answer."""
+    quality = observed.link
+    if quality is None or quality.frames < _LEAST_FRAMES:
+        return Check("link", "unknown", "not measured", "too few frames arrived to measure the loss")
+    value = _value(quality)
+    if not quality.poor:
+        return Check("link", "good", value, f"measured on {quality.frames} frames in {quality.seconds:.0f} s")
+    hand = Remedy(ADVICE, by_hand=True)
+    return Check("link", "bad" if quality.bad else "doubtful", value, quality.words, hand)
+
+
+def _value(quality: LinkQuality) -> str:
+    lost = f"{quality.lost:.1%} lost" if quality.lost else "nothing lost"
+    answers = "" if quality.latency is None else f", answers in {1000 * quality.latency:.0f} ms"
+    return lost + answers
+
+
+# Checks of the pilot's radio (present, sticks at rest, failsafe) and of the applet's switch.
+
+
+_PULSES = (800, 2200)  # us: RC_MIN_LIMIT_PWM, RC_MAX_LIMIT_PWM
+_NOTICE = Remedy(
+    "set FS_THR_ENABLE to 1 and FS_ACTION to 2 (Hold)", sets=(("FS_THR_ENABLE", 1.0), ("FS_ACTION", 2.0))
+)
+_SIX = Remedy(f"set RC6_OPTION to {SCRIPTING_1}", sets=(("RC6_OPTION", float(SCRIPTING_1)),))
+_REST = 30  # us about the trim, where the channel has no dead zone
+
+
+def switch_channel(observed: Observation) -> int:
+    """RC channel (1-based) that starts the applet: SWP_CHAN, else the one with RCn_OPTION 300; 0: none."""
+    raw = observed.parameter("SWP_CHAN")
+    if raw > 0:
+        return int(raw)
+    return next((n for n in range(1, 17) if observed.parameter(f"RC{n}_OPTION") == SCRIPTING_1), 0)
+
+
+def rc(observed: Observation) -> Check:
+    """Whether the receiver gives pulses, both sticks are at rest, and a failsafe detects its loss."""
+    if not observed.channels:
+        sentence = "no radio: only this computer could stop the rover"
+        return Check("rc", "bad", "no receiver", sentence, Remedy("switch the transmitter on", by_hand=True))
+    if observed.radio is False:  # RC_CHANNELS keeps the last values (4.6.3, SIM_RC_FAIL 1)
+        sentence = "the rover reports that it does not hear its radio (SYS_STATUS)"
+        hand = Remedy("switch the transmitter on", by_hand=True)
+        return Check("rc", "bad", "radio lost", sentence, hand)
+    steering, throttle = _stick(observed, "RCMAP_ROLL", 1), _stick(observed, "RCMAP_THROTTLE", 3)
+    value = f"{len(observed.channels)} channels, steering {steering[1]:.0f} us, throttle {throttle[1]:.0f} us"
+    if observed.channels.get(throttle[0], 0) < observed.parameter("FS_THR_VALUE"):
+        sentence = f"throttle {throttle[1]:.0f} us is below FS_THR_VALUE: the receiver lost the radio"
+        return Check("rc", "bad", value, sentence, Remedy("switch the transmitter on", by_hand=True))
+    for words, (number, pwm, trim, zone) in (("steering", steering), ("throttle", throttle)):
+        if abs(pwm - trim) > zone:
+            sentence = (
+                f"the {words} stick (channel {number}) is {pwm - trim:+.0f} us off its trim of {trim:.0f} us"
+            )
+            return Check(
+                "rc", "bad", value, sentence, Remedy("leave the sticks alone, or trim them", by_hand=True)
+            )
+    if not observed.parameter("FS_THR_ENABLE") > 0 or observed.parameter("FS_ACTION") == 0:
+        sentence = "the rover would not react to a loss of the radio (FS_THR_ENABLE, FS_ACTION)"
+        return Check("rc", "bad", value, sentence, _NOTICE)
+    return Check("rc", "good", value)
+
+
+def _stick(observed: Observation, mapping: str, usual: int) -> tuple[int, float, float, float]:
+    """(channel, PWM [us], trim [us], largest offset from trim that counts as rest [us])."""
+    mapped = observed.parameter(mapping)
+    number = usual if isnan(mapped) else int(mapped)
+    trim, zone = observed.parameter(f"RC{number}_TRIM"), observed.parameter(f"RC{number}_DZ")
+    pwm = float((observed.channels or {}).get(number, 0))
+    return number, pwm, 1500.0 if isnan(trim) else trim, max(_REST, 0.0 if isnan(zone) else zone)
+
+
+def switch(observed: Observation) -> Check:
+    """Whether the switch is low: the applet does not start if it is high at its first reading."""
+    number = switch_channel(observed)
+    if number == 0:
+        sentence = "no channel starts the applet: none has option 300, and SWP_CHAN is 0"
+        return Check("switch", "bad", "none", sentence, _SIX)
+    pwm = (observed.channels or {}).get(number, 0)
+    value = f"channel {number}: {pwm} us"
+    if not _PULSES[0] <= pwm <= _PULSES[1]:
+        sentence = f"channel {number} has no pulses: the position of the switch is unknown"
+        hand = Remedy(f"give channel {number} a switch on the transmitter", by_hand=True)
+        return Check("switch", "unknown", value, sentence, hand)
+    if pwm >= SWITCH_LOW:
+        where = "high" if pwm > SWITCH_HIGH else "in the middle"
+        sentence = f"switch {number} is {where}; it must be low before the rover is armed"
+        return Check("switch", "bad", value, sentence, Remedy(f"throw switch {number} low", by_hand=True))
+    return Check("switch", "good", f"{value}, low")
+
+
+# A sentence on the telemetry of a finished run: its quality, and whether it is needed.
+
+
+Granted = Mapping[str, float]  # Hz by message, as the vehicle granted it
+
+
+def telemetry_words(
+    quality: Sequence[StreamQuality], granted: Granted, clock: ClockComparison | None, logs: bool
+) -> str:
+    """One sentence. granted: rates [Hz]. logs: whether the vehicle's log is fetched after the session."""
+    poor = [words for q in quality if (words := stream_fault(q, granted.get(q.message, 0.0)))]
+    came = "; ".join(poor) if poor else _came(quality)
+    return f"telemetry: {came}{_clock(clock)}; {_source(bool(poor), logs)}"
+
+
+def _came(quality: Sequence[StreamQuality]) -> str:
+    if not quality:
+        return "not judged"
+    slowest, fastest = min(q.mean_hz for q in quality), max(q.mean_hz for q in quality)
+    rates = f"{slowest:.0f}" if round(slowest) == round(fastest) else f"{slowest:.0f} to {fastest:.0f}"
+    lost = max(q.lost for q in quality)
+    return (
+        f"{rates} Hz, jitter {max(q.jitter_ms for q in quality):.1f} ms, "
+        f"longest gap {max(q.gap_ms for q in quality):.0f} ms, {f'{lost:.1%}' if lost else 'nothing'} lost"
+    )
+
+
+def _clock(c: ClockComparison | None) -> str:
+    """'' in a simulation that is not in real time: there the arrival has no meaning."""
+    if c is None or abs(c.rate - 1) > 0.02:
+        return ""
+    drift = f", drift {1e6 * c.drift:+.0f} ppm" if abs(c.drift) > c.bound else ""
+    return f", arrival within {1000 * c.jitter:.0f} ms of the rover's clock{drift}"
+
+
+def _source(poor: bool, logs: bool) -> str:
+    if logs:
+        need = "needed: the telemetry is too poor" if poor else "the telemetry would also be good enough"
+        return f"the run is identified from the rover's log, once it is fetched ({need})"
+    if poor:
+        return (
+            f"the run is identified from the telemetry, although losses above {LOST:.0%} or long gaps spoil "
+            "a response"
+        )
+    return "the run is identified from the telemetry, because the log is not fetched"

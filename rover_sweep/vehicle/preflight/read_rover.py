@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass, field
 from math import nan
 from pathlib import Path
-from typing import Any
+from statistics import linear_regression, median
+from typing import Any, Literal
 
 from firmware_params.param_files import read, shipped
 from rover_sweep.manoeuvre.sweep import Sweep
+from rover_sweep.vehicle import setup as pending_reboot
+from rover_sweep.vehicle.link.connection import vehicle_seconds
+from rover_sweep.vehicle.link.inbox import LinkQuality
 from rover_sweep.vehicle.link.link import Link
 from rover_sweep.vehicle.link.mavlink import Message, constant, kind, message_id
 from rover_sweep.vehicle.link.streams import (
@@ -22,13 +27,168 @@ from rover_sweep.vehicle.link.streams import (
     put_back,
     request_all,
 )
-from rover_sweep.vehicle.parameters.read_write import read_present
-from rover_sweep.vehicle.preflight.clock_comparison import ClockMonitor, estimate
-from rover_sweep.vehicle.preflight.observed import Battery, ClockComparison, Estimator, Gps, Observation
+from rover_sweep.vehicle.link.transport import Line
+from rover_sweep.vehicle.parameters import read_present
 from rover_sweep.vehicle.run.controls import pump
-from rover_sweep.vehicle.setup import pending_reboot
-from rover_sweep.vehicle.setup.applet_upload import await_applet
-from rover_sweep.vehicle.setup.survey import survey
+from rover_sweep.vehicle.setup import Survey, await_applet, survey
+
+# Values read from a rover before a run. The checks judge these values and read nothing.
+#
+# NaN: the vehicle does not report it. None: the message did not arrive.
+
+
+@dataclass(frozen=True)
+class Battery:
+    """SYS_STATUS, BATTERY_STATUS. volts [V]; remaining: share of the capacity, 0..1."""
+
+    volts: float = nan
+    remaining: float = nan
+
+
+@dataclass(frozen=True)
+class Gps:
+    """GPS_RAW_INT. fix: GPS_FIX_TYPE (3: 3D fix); hdop: horizontal dilution of precision [-]."""
+
+    fix: int
+    satellites: int
+    hdop: float = nan
+
+
+@dataclass(frozen=True)
+class Estimator:
+    """EKF_STATUS_REPORT. flags: EKF_STATUS_FLAGS; worst: largest variance of velocity, position and compass
+    (1: the limit of the innovation test)."""
+
+    flags: int
+    worst: float = 0.0
+
+
+@dataclass(frozen=True)
+class ClockComparison:
+    """Time stamps of messages against their arrival, over `span` s of the vehicle's clock.
+
+    rate: seconds of the vehicle's clock per second of ours. jitter: delay after the earliest message [s],
+    95th percentile. drift: of our clock against the vehicle's [s/s]; bound: its uncertainty from the jitter.
+    behind_utc: this computer's UTC minus GPS time [s]. offset: arrival minus the vehicle's clock [s], of the
+    earliest message.
+    """
+
+    span: float
+    rate: float
+    jitter: float
+    drift: float
+    bound: float
+    behind_utc: float = nan
+    offset: float = nan
+
+
+@dataclass(frozen=True)
+class Observation:
+    """All observed values. w_max: top frequency of the planned sweep [rad/s]. channels: PWM of RC_CHANNELS by
+    number [us], empty without a receiver; a receiver that lost its radio keeps the last values. radio,
+    logging: whether the firmware reports that it hears the radio, that it can log. pending: parameters that
+    were set and wait for a reboot. disk: (free bytes, name) of the folder. link: quality of the link during
+    the reading."""
+
+    survey: Survey
+    parameters: Mapping[str, float]
+    w_max: float
+    armed: bool
+    mode: int
+    streams: tuple[Stream, ...] = ()
+    quality: tuple[StreamQuality, ...] = ()
+    clock: ClockComparison | None = None
+    battery: Battery | None = None
+    gps: Gps | None = None
+    estimator: Estimator | None = None
+    channels: Mapping[int, int] | None = None
+    radio: bool | None = None
+    logging: bool | None = None
+    pending: tuple[str, ...] = ()
+    disk: tuple[int, str] = (0, "")
+    link: LinkQuality | None = None
+
+    def parameter(self, name: str) -> float:
+        """A parameter of the rover, NaN if the rover does not have it."""
+        return self.parameters.get(name, nan)
+
+
+# The result of one check before a run: the observed value and, if there is one, a remedy.
+
+
+State = Literal["good", "doubtful", "bad", "unknown"]
+
+
+@dataclass(frozen=True)
+class Remedy:
+    """words: what it does. reboot: it needs a reboot afterwards. by_hand: only a person can do it. sets: the
+    parameters that it sets, (name, value)."""
+
+    words: str
+    reboot: bool = False
+    by_hand: bool = False
+    sets: tuple[tuple[str, float], ...] = ()
+
+
+@dataclass(frozen=True)
+class Check:
+    """The result of a check. name: stable, lower case (link, firmware, applet, parameters, filters,
+    loop_rate, ekf, gps, battery, rc, switch, disk, streams, source, mode); seen: the observed value in a few
+    words; sentence: what it means."""
+
+    name: str
+    state: State
+    seen: str
+    sentence: str = ""
+    remedy: Remedy | None = None
+
+
+# The vehicle's clock compared with ours: when messages were sent, and when they arrived.
+
+
+_LEAST = 20  # messages
+
+
+@dataclass
+class ClockMonitor:
+    """A listener of a link on `line`. pairs: (vehicle's time, arrival) of each message [s]. behind_utc: this
+    computer's UTC minus GPS time [s], NaN if unknown."""
+
+    line: Line
+    pairs: list[tuple[float, float]] = field(default_factory=list)
+    behind_utc: float = nan
+
+    def __call__(self, message: Message) -> None:
+        seconds = vehicle_seconds(message)
+        if seconds is not None:
+            self.pairs.append((seconds, self.line.monotonic()))
+        if kind(message) == "SYSTEM_TIME" and message.time_unix_usec:
+            self.behind_utc = self.line.wall() - message.time_unix_usec * 1e-6
+
+
+def estimate(pairs: Sequence[tuple[float, float]], behind_utc: float = nan) -> ClockComparison | None:
+    """Rate, drift and jitter from (vehicle, arrival) pairs [s]; None if there are too few or no time passed.
+
+    The slope of a line through all pairs gives the rate. A message is never early, so the earliest message of
+    each half corrects the drift. Its bound comes from the median delay after the earliest message.
+    """
+    if len(pairs) < _LEAST or pairs[-1][0] <= pairs[0][0] or pairs[-1][1] <= pairs[0][1]:
+        return None
+    span = pairs[-1][0] - pairs[0][0]
+    slope = linear_regression(*zip(*pairs, strict=True)).slope
+    late = [arrival - slope * vehicle for vehicle, arrival in pairs]
+    quickest, middle = min(late), len(late) // 2
+    drift = slope - 1 + (min(late[middle:]) - min(late[:middle])) / (span / 2)
+    return ClockComparison(
+        span=span,
+        rate=span / (pairs[-1][1] - pairs[0][1]),
+        jitter=sorted(late)[int(0.95 * (len(late) - 1))] - quickest,
+        drift=drift,
+        bound=2 * (median(late) - quickest) / (span / 2),
+        behind_utc=behind_utc,
+        offset=min(arrival - vehicle for vehicle, arrival in pairs),
+    )
+
 
 _ASKED = ("SYS_STATUS", "BATTERY_STATUS", "GPS_RAW_INT", "RC_CHANNELS", "EKF_STATUS_REPORT", "SYSTEM_TIME")
 _NAMES = (

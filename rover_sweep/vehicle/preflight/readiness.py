@@ -2,11 +2,39 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Generator, Iterator, Mapping
 from math import isnan
+from pathlib import Path
 
-from rover_sweep.vehicle.modes import mode_name
-from rover_sweep.vehicle.preflight.item import Check, Remedy, State
-from rover_sweep.vehicle.preflight.observed import Battery, Observation
+import numpy as np
+
+from firmware_params.applet_parameters import applet_path
+from firmware_params.param_files import compare, read, shipped
+from rover_sweep.errors import LinkError, UsageError
+from rover_sweep.logs.readers.tlog import STAMP, parse_tlog
+from rover_sweep.vehicle import setup as pending_reboot
+from rover_sweep.vehicle.events import Event, Notice, ParameterSet, Rebooting
+from rover_sweep.vehicle.identity import identify_vehicle, mode_name
+from rover_sweep.vehicle.link.inbox import ADVICE, BadLink
+from rover_sweep.vehicle.link.link import Link, Refused
+from rover_sweep.vehicle.parameters import read_present, write_parameter
+from rover_sweep.vehicle.preflight import onboard, rates
+from rover_sweep.vehicle.preflight import onboard as disk
+from rover_sweep.vehicle.preflight import onboard as recording_source
+from rover_sweep.vehicle.preflight import rates as radio_check
+from rover_sweep.vehicle.preflight.rates import link as link_check
+from rover_sweep.vehicle.preflight.read_rover import (
+    Battery,
+    Check,
+    ClockComparison,
+    Observation,
+    Remedy,
+    State,
+    estimate,
+    look,
+)
+from rover_sweep.vehicle.run.controls import MANUAL
+from rover_sweep.vehicle.setup import await_applet, reboot, refuse_armed, restart_scripts, upload
 
 # EKF_STATUS_FLAGS (ardupilotmega dialect): reliable speed and position need velocity and position
 _ATTITUDE, _VELOCITY, _POSITION, _CONSTANT = 1, 2, 16, 128
@@ -107,3 +135,162 @@ def armed(observed: Observation) -> Check:
         return Check("armed", "good", "disarmed")
     sentence = "the rover is armed: this program does not set it up or reboot it, and it sends no logs"
     return Check("armed", "bad", "armed", sentence, Remedy("disarm"))
+
+
+# The remedies of the checks, carried out on the vehicle.
+
+
+Waits = Generator[Event, None, tuple[str, ...]]  # yields events, returns the names that wait for a reboot
+_SCRIPTING = ("SCR_ENABLE", "SCR_HEAP_SIZE")
+_NEED_REBOOT = frozenset({"SCR_ENABLE", "SCR_HEAP_SIZE", "SCHED_LOOP_RATE"})
+_SCRIPTS_START = 20.0  # s after boot within which scripts start
+
+
+def carry_out(link: Link, check: Check, may_reboot: bool, folder: Path) -> Iterator[Event]:
+    """Carry out the remedy of `check`. See `all_checks.remedy`."""
+    if check.remedy is None:
+        raise UsageError(f"this program has no remedy for {check.name} ({check.seen})")
+    if check.remedy.by_hand:
+        raise UsageError(f"{check.name} can only be corrected by hand: {check.remedy.words}")
+    if check.name == "armed":
+        link.require("disarm", "MAV_CMD_COMPONENT_ARM_DISARM", 0.0)
+        link.wait_for("HEARTBEAT", 3.0, lambda _: not link.armed)
+        yield Notice("info", "disarmed")
+        return
+    refuse_armed(link)
+    vehicle = identify_vehicle(link)
+    boots = read_present(link, ["STAT_BOOTCNT"]).get("STAT_BOOTCNT", 0.0)
+    sets = check.remedy.sets
+    deed = None if sets else _DEEDS.get(check.name)
+    waits = (yield from _set(link, dict(sets))) if deed is None else (yield from deed(link))
+    if waits:
+        pending_reboot.note(folder, vehicle, boots, waits)
+    because = pending_reboot.waiting(folder, vehicle, boots)
+    if not because or not check.remedy.reboot:
+        return
+    if not may_reboot:
+        yield Notice("warning", f"{', '.join(because)} will take effect after a reboot")
+        return
+    yield Rebooting(because)
+    reboot(link)
+    pending_reboot.forget(folder)
+    if read_present(link, ["SCR_ENABLE"]).get("SCR_ENABLE") == 1:
+        await_applet(link, _SCRIPTS_START)
+
+
+def _set(link: Link, values: Mapping[str, float]) -> Waits:
+    waits = []
+    for name, value in values.items():
+        written = write_parameter(link, name, value)
+        if written.changed:
+            yield ParameterSet(written.name, written.old, written.value, name in _NEED_REBOOT)
+            waits += [name] if name in _NEED_REBOOT else []
+    return tuple(waits)
+
+
+def _applet(link: Link) -> Waits:
+    """Copy the applet and start it; it waits for a reboot if scripting does."""
+    wanted = [p for p in read(shipped("identification")) if p.name in _SCRIPTING]
+    differences = compare(read_present(link, _SCRIPTING), wanted)
+    waits = yield from _set(link, {d.name: d.wanted for d in differences if d.found is not None})
+    place = upload(link, applet_path())
+    yield Notice("info", f"the applet was copied to {place}")
+    try:
+        restart_scripts(link)
+    except Refused:
+        return waits or ("SCR_ENABLE",)
+    if "SCR_ENABLE" in waits or not await_applet(link):
+        return waits or (applet_path().name,)
+    return waits
+
+
+def _manual(link: Link) -> Waits:
+    link.require("switch to MANUAL", "MAV_CMD_DO_SET_MODE", 1.0, float(MANUAL))
+    link.wait_for("HEARTBEAT", 3.0, lambda _: link.mode == MANUAL)
+    yield Notice("info", "the rover is in MANUAL")
+    return ()
+
+
+_DEEDS: Mapping[str, Callable[[Link], Waits]] = {"applet": _applet, "mode": _manual}
+
+
+# The two clocks of a .tlog compared: arrival at this computer, and the vehicle's clock in the messages.
+
+
+_MADE = "ATTITUDE"  # in milliseconds since boot; the most frequent message whose time does not wrap
+
+
+def arrival_clock(tlog: Path, span: tuple[float, float]) -> ClockComparison | None:
+    """Compare the clocks over `span` (start, end) [s of the vehicle's clock]; None if too few messages.
+
+    The offset is this computer's UTC [s since 1970] minus the vehicle's time since boot [s].
+    """
+    data = tlog.read_bytes()
+    frames = parse_tlog(data, frozenset({_MADE})).messages.get(_MADE)
+    if frames is None:
+        return None
+    made = frames.rows["time_boot_ms"].astype(float) * 1e-3
+    stamps = np.frombuffer(data, np.uint8)[(frames.order - STAMP)[:, None] + np.arange(STAMP)]
+    came = stamps.view(">u8")[:, 0].astype(float) * 1e-6
+    inside = (made >= span[0]) & (made <= span[1])
+    return estimate(tuple(zip(made[inside].tolist(), came[inside].tolist(), strict=True)))
+
+
+# `preflight`: all checks before a run. `remedy`: correct what one check found.
+#
+#     checks = preflight(link, folder)
+#     for event in remedy(link, checks[1], reboot=True): ...
+#
+# `preflight` changes nothing on the vehicle. `remedy` moves and arms nothing. On an armed rover it only
+# disarms. It reboots only with reboot=True; otherwise it sets the parameters, notes that they wait for a
+# reboot (`setup.pending_reboot`), and the next preflight in that folder asks for the reboot.
+
+
+_IN_ORDER = (
+    *(armed, onboard.firmware, onboard.parameters, onboard.applet),
+    *(rates.loop_rate, rates.filters, link_check, rates.streams, rates.clock),
+    *(onboard.logging, recording_source.source, disk.disk),
+    *(battery, gps, ekf, radio_check.rc, radio_check.switch, mode),
+)
+NAMES = tuple(check.__name__ for check in _IN_ORDER)
+"""Names of all checks, in the order in which to correct them."""
+
+
+def preflight(link: Link, folder: Path, w_max: float | None = None) -> tuple[Check, ...]:
+    """All checks, in the order in which to correct them.
+
+    folder: where runs will be recorded. w_max: top frequency of the planned sweep [rad/s]; if not given, the
+    applet's (SWP_WMAX). An unsupported vehicle gets only the check `firmware`, a link that is too poor to
+    conclude anything only the check `link`. LinkError when the link is lost.
+    """
+    try:
+        return all_checks(look(link, folder, w_max)) if (other := _other(link)) is None else (other,)
+    except BadLink as error:
+        return (Check("link", "bad", "too poor", str(error), Remedy(ADVICE, by_hand=True)),)
+
+
+def _other(link: Link) -> Check | None:
+    """The check `firmware` for an unsupported vehicle; None for an ArduPilot Rover."""
+    try:
+        identify_vehicle(link)
+    except BadLink:
+        raise
+    except LinkError as error:
+        link.receive(1.0)  # raises if the link is gone
+        hand = Remedy("connect an ArduPilot Rover", by_hand=True)
+        return Check("firmware", "bad", "not usable", str(error), hand)
+    return None
+
+
+def all_checks(observed: Observation) -> tuple[Check, ...]:
+    """All checks on observed values. Pure."""
+    return tuple(check(observed) for check in _IN_ORDER)
+
+
+def remedy(link: Link, check: Check, reboot: bool, folder: Path | None = None) -> Iterator[Event]:
+    """Carry out the remedy of `check`; run `preflight` again to see whether it helped.
+
+    folder: that of the preflight; by default the folder that the link records into. UsageError if only a
+    person can do it, LinkError if the vehicle refuses.
+    """
+    return carry_out(link, check, reboot, folder or link.tlog.parent)

@@ -6,16 +6,15 @@ the radio is in charge again, or without a radio the RC failsafe.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from itertools import cycle
 from typing import Literal
 
 from rover_sweep.errors import LinkError, RoverSweepError, UsageError
-from rover_sweep.vehicle.link.clock import Periodic
-from rover_sweep.vehicle.link.link import Link
-from rover_sweep.vehicle.link.requests import Refused
-from rover_sweep.vehicle.parameters.read_write import read_present
+from rover_sweep.vehicle.link.connection import Periodic
+from rover_sweep.vehicle.link.link import Link, Refused
+from rover_sweep.vehicle.parameters import read_present
 from rover_sweep.vehicle.run.right_to_move import RightToMove
 
 Trigger = Literal["override", "aux", "pilot"]
@@ -278,3 +277,31 @@ def pump(link: Link, seconds: float, wall_limit: float = 3.0) -> None:
     start, deadline = link.clock.now, link.line.monotonic() + wall_limit
     while link.clock.now - start < seconds and link.line.monotonic() < deadline:
         link.receive(0.1)
+
+
+# What the user allows this program to do in a run.
+
+
+@dataclass(frozen=True)
+class RunSettings:
+    """What the user allows this program to do in a run.
+
+    arm: arm the rover (the user's consent). throttle_us: drive with this throttle [us]; None: the pilot
+    drives. trigger: throw the switch by RC override, by MAV_CMD_DO_AUX_FUNCTION, or ask the pilot. extra:
+    limits and other numbers of the applet, named without prefix (v_max, roll_max, still, ...). patience: time
+    to wait for the pilot, for arming and for the speed [s of the vehicle's clock].
+    """
+
+    arm: bool = False
+    throttle_us: int | None = None
+    trigger: Trigger = "pilot"
+    extra: Mapping[str, float] = field(default_factory=dict)
+    patience: float = 120.0
+
+    def __post_init__(self) -> None:
+        if self.throttle_us is None:
+            return
+        if not self.arm:
+            raise UsageError("this program drives only a rover that it armed itself; allow arming too")
+        if not 1000 <= self.throttle_us <= 2000:
+            raise UsageError(f"throttle {self.throttle_us} us is out of range; give 1000 to 2000 us")

@@ -19,10 +19,9 @@ import math
 from collections.abc import Callable, Generator, Iterator, Mapping
 from pathlib import Path
 
-from firmware_params.applet_parameters import SWITCH_LOW
-from rover_sweep.errors import LinkError, RoverSweepError
-from rover_sweep.manoeuvre.applet_values import parameters_of
-from rover_sweep.manoeuvre.sweep import Manoeuvre
+from firmware_params.applet_parameters import STATES, SWITCH_LOW
+from rover_sweep.errors import LinkError, RoverSweepError, UsageError
+from rover_sweep.manoeuvre.sweep import Manoeuvre, parameters_of
 from rover_sweep.vehicle.events import (
     Armed,
     Event,
@@ -32,27 +31,150 @@ from rover_sweep.vehicle.events import (
     RunStarted,
     SwitchWanted,
 )
-from rover_sweep.vehicle.link.link import Link
+from rover_sweep.vehicle.link.inbox import BadLink
+from rover_sweep.vehicle.link.link import Link, Refused
 from rover_sweep.vehicle.link.mavlink import Message
-from rover_sweep.vehicle.link.requests import Refused
 from rover_sweep.vehicle.link.streams import StreamMonitor
-from rover_sweep.vehicle.parameters.override_time import RADIO_MISSED, RADIO_MISSED_SINCE, Lapse
-from rover_sweep.vehicle.parameters.read_write import read_present, write_parameter
-from rover_sweep.vehicle.run.before_run import await_rest, catch_up, refuse_blind, write_go
+from rover_sweep.vehicle.parameters import (
+    RADIO_MISSED,
+    RADIO_MISSED_SINCE,
+    Lapse,
+    read_parameter,
+    read_present,
+    write_parameter,
+)
 from rover_sweep.vehicle.run.controls import (
     MANUAL,
     SCRIPTING_1,
     Controls,
+    RunSettings,
     Trigger,
     find_channels,
     overridden,
     pump,
 )
-from rover_sweep.vehicle.run.follow import Follower
-from rover_sweep.vehicle.run.outcome import hear_outcome
-from rover_sweep.vehicle.run.reboot_watch import RebootWatch
+from rover_sweep.vehicle.run.follow import Follower, RebootWatch
 from rover_sweep.vehicle.run.right_to_move import MovementLimits, RightToMove
-from rover_sweep.vehicle.run.settings import RunSettings
+
+# Conditions before the rover is armed and its switch thrown, and the number that allows one run.
+
+
+_REPORTS = 5.0  # s of the vehicle's clock; an idle applet reports once a second
+_TOO_LATE, _TOO_LOSSY = 1.0, 0.35  # s from a request to its answer; share of the frames
+_AT_REST, _COMES_TO_REST = 0.5, 20.0  # m/s; s
+_STOPPED, _NUMBERS = 10, 65535
+
+
+def refuse_blind(present: Mapping[str, float], settings: RunSettings) -> None:
+    """UsageError if we would drive a rover that does not detect the loss of its transmitter.
+
+    With FS_THR_ENABLE 0 the firmware sets no failsafe (Rover/radio.cpp, 4.6.3): SYS_STATUS reports a healthy
+    receiver, and the applet's rc:has_valid_input stays true.
+    """
+    if settings.throttle_us is not None and present.get("FS_THR_ENABLE") == 0:
+        raise UsageError(
+            "FS_THR_ENABLE is 0: the rover would not detect the loss of the safety pilot's transmitter; "
+            "set FS_THR_ENABLE to 1, or let the pilot drive (no --throttle)"
+        )
+
+
+def catch_up(link: Link) -> None:
+    """Process the messages that arrived while nobody read, for example while the user was asked."""
+    while link.receive(0.0) is not None:
+        pass
+
+
+def await_rest(link: Link, follower: Follower, settings: RunSettings) -> Iterator[Event]:
+    """Wait, if we throw the switch or drive, until the applet is idle and the rover is at rest.
+
+    LinkError if the link is too poor to drive over, if the applet does not report or is in a run, or if the
+    rover does not come to rest.
+    """
+    if settings.trigger == "pilot" and settings.throttle_us is None:
+        return
+    _refuse_poor(link, settings)
+    started, asked = link.clock.now, False
+    while waits_for := _not_at_rest(follower, settings):
+        waited = link.clock.now - started
+        if waited > (_COMES_TO_REST if follower.reports else _REPORTS):
+            raise LinkError(waits_for)
+        if waited > _REPORTS and not asked:
+            asked = True
+            yield Notice("info", f"the run has not started yet: {waits_for}")
+        link.receive(0.1)
+        yield from follower.take()
+
+
+def _refuse_poor(link: Link, settings: RunSettings) -> None:
+    """BadLink if we would drive over a link that is too slow or too lossy to stop the rover in time."""
+    quality = link.quality
+    late = quality.latency is not None and quality.latency > _TOO_LATE
+    if settings.throttle_us is not None and (late or quality.lost > _TOO_LOSSY):
+        raise BadLink(f"the rover is not driven over this link: {quality.words}")
+
+
+def _not_at_rest(follower: Follower, settings: RunSettings) -> str:
+    if not follower.reports:
+        return "the applet does not report its state (SWP_ST); look for script errors in the rover's messages"
+    if follower.state not in (0, _STOPPED):
+        state = STATES.get(follower.state, f"state {follower.state}")
+        return f"the applet is already in a run ({state}); throw its switch low and start again"
+    if settings.throttle_us is None:
+        return ""
+    if math.isnan(follower.speed):
+        return "the rover does not send its speed (LOCAL_POSITION_NED); does its EKF have a position?"
+    if follower.speed > _AT_REST:
+        return f"the rover moves at {follower.speed:.1f} m/s; it must be at rest before the run"
+    return ""
+
+
+def write_go(link: Link) -> None:
+    """Allow the applet one run, by a new value of SWP_GO."""
+    write_parameter(link, "SWP_GO", float(int(read_parameter(link, "SWP_GO")) % _NUMBERS + 1))
+
+
+# How a run ended: by the applet's report if it was heard, else by the reason why we stopped.
+
+
+_OUTCOME_REPORTS = 3.0  # s: an idle applet reports its last completed run once a second
+_LOST = 1.5  # s without a message
+_OF_OUR_SWITCH = "switch low"
+_NOT_RECEIVED = "the rover did not receive our override of the switch, which fell low"
+
+
+def hear_outcome(
+    link: Link, follower: Follower, right: RightToMove, name: str, failures: list[str], holds_switch: bool
+) -> tuple[bool, str]:
+    """(completed, reason). LinkError, with `failures` as its notes, if the rover is not heard.
+
+    holds_switch: we override the switch.
+    """
+    if right.lost and right.silence > _LOST:
+        raise cut_off(right, name, failures)
+    _wait(link, follower)
+    completed, reason = follower.outcome
+    if completed or (follower.outcome_heard and reason != _OF_OUR_SWITCH):
+        return completed, reason
+    return False, right.lost or (_NOT_RECEIVED if holds_switch else reason)
+
+
+def cut_off(right: RightToMove, name: str, failures: list[str]) -> LinkError:
+    error = LinkError(
+        f"{name} was stopped: {right.lost}, and the rover is still silent; check its power, the radio's "
+        "range and the cable. The rover's log shows what it did since"
+    )
+    for failure in failures:
+        error.add_note(failure)
+    return error
+
+
+def _wait(link: Link, follower: Follower) -> None:
+    started, deadline = link.clock.now, link.line.monotonic() + _OUTCOME_REPORTS
+    while not follower.outcome_heard and link.clock.now - started < _OUTCOME_REPORTS:
+        if link.line.monotonic() > deadline:
+            return
+        link.receive(0.1)
+
 
 _STEERING_FUNCTION = 26  # SERVOn_FUNCTION GroundSteering
 _START_LIMIT = 10.0  # s of the vehicle's clock from our switch to the applet's first state

@@ -15,10 +15,10 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from rover_sweep.vehicle.link.clock import VehicleClock
+from rover_sweep.vehicle.link.connection import VehicleClock
 from rover_sweep.vehicle.link.mavlink import SAFETY_ARMED, Message, kind
 from rover_sweep.vehicle.link.transport import Line
-from rover_sweep.vehicle.run.reboot_watch import RebootWatch
+from rover_sweep.vehicle.run.follow import RebootWatch
 
 HEARD, HEARD_BEFORE = 0.9, 3.0  # s without a message: from the switch on, and before
 REPORTED = 0.9  # s without the applet's state, which it reports every 0.2 s in a run

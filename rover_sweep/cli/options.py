@@ -1,0 +1,355 @@
+"""Option types that several commands share."""
+
+from __future__ import annotations
+
+import math
+import re
+import tempfile
+from collections.abc import Callable, Sequence
+from itertools import count
+from pathlib import Path
+from typing import Any
+
+import click
+
+from rover_sweep.cli.views.output import echo
+from rover_sweep.data.vehicle_file import Measured
+from rover_sweep.errors import UsageError
+
+OUTPUTS = ("r", "ay", "vydot", "p")
+
+
+class BandType(click.ParamType):
+    """The frequency band used of one response, e.g. p=0.6:20 (rad/s)."""
+
+    name = "RESPONSE=LOW:HIGH"
+
+    def convert(
+        self, value: object, param: click.Parameter | None, ctx: click.Context | None
+    ) -> tuple[str, tuple[float, float]]:
+        """(response, (low, high))."""
+        name, _, limits = str(value).partition("=")
+        low, _, high = limits.partition(":")
+        try:
+            band = float(low), float(high)
+        except ValueError:
+            self.fail(f"{value!r} is not a band such as p=0.6:20 (rad/s)", param, ctx)
+        if name not in OUTPUTS or not 0 < band[0] < band[1]:
+            self.fail(f"{value!r}: use one of {', '.join(OUTPUTS)} and 0 < low < high in rad/s", param, ctx)
+        return name, band
+
+
+class NumberRange(click.FloatRange):
+    """A finite number within bounds; click lets NaN pass any bound, and infinity an open end."""
+
+    name = "number"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
+        """The number."""
+        number = float(super().convert(value, param, ctx))
+        if not math.isfinite(number):
+            self.fail(f"{value!r} is not a finite number", param, ctx)
+        return number
+
+
+class NumbersType(click.ParamType):
+    """Positive numbers joined by commas, e.g. 5,8,12,18,27."""
+
+    name = "N,N,..."
+
+    def convert(
+        self, value: object, param: click.Parameter | None, ctx: click.Context | None
+    ) -> tuple[float, ...]:
+        """The numbers."""
+        try:
+            numbers = tuple(float(part) for part in str(value).split(","))
+        except ValueError:
+            self.fail(f"{value!r} is not a list of numbers such as 5,8,12", param, ctx)
+        if not all(0 < n < math.inf for n in numbers):
+            self.fail(f"{value!r}: every number must be positive and finite", param, ctx)
+        return numbers
+
+
+class ChoicesType(click.ParamType):
+    """Names joined by commas out of a fixed set."""
+
+    name = "NAME,NAME,..."
+
+    def __init__(self, allowed: tuple[str, ...]) -> None:
+        self.allowed = allowed
+
+    def convert(
+        self, value: object, param: click.Parameter | None, ctx: click.Context | None
+    ) -> tuple[str, ...]:
+        """The names, in the order given, each once."""
+        names = tuple(dict.fromkeys(part.strip() for part in str(value).split(",")))
+        wrong = [n for n in names if n not in self.allowed]
+        if wrong:
+            self.fail(f"there is no {wrong[0]!r}; choose from {', '.join(self.allowed)}", param, ctx)
+        return names
+
+
+class NamesType(click.ParamType):
+    """Names joined by commas; the command checks that they exist."""
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+
+    def convert(
+        self, value: object, param: click.Parameter | None, ctx: click.Context | None
+    ) -> tuple[str, ...]:
+        """The names, in the order given."""
+        if isinstance(value, tuple):
+            return value
+        names = tuple(part.strip() for part in str(value).split(",") if part.strip())
+        if not names:
+            self.fail(f"{value!r} contains no name; give a name or remove the option", param, ctx)
+        return names
+
+
+EFFECTS = NamesType("ID,ID,...")
+
+
+def vehicle_path(given: str | None, runs: Sequence[str] = ()) -> str:
+    """The vehicle file: as given, else that of a session among the runs, else rover.toml here."""
+    from rover_sweep.session.folder import VEHICLE_FILE, kept_vehicle_file
+
+    if given:
+        return given
+    if kept := kept_vehicle_file(runs):
+        return str(kept)
+    if Path(VEHICLE_FILE).is_file():
+        return VEHICLE_FILE
+    raise UsageError(
+        "no vehicle file: give --vehicle rover.toml; create one with "
+        "`rover-sweep vehicle --example > rover.toml`"
+    )
+
+
+def filter_overrides(gyro: float | None, accel: float | None) -> dict[str, float] | None:
+    """{"gyro_hz", "accel_hz"} of the options that were given, None without any."""
+    given = {"gyro_hz": gyro, "accel_hz": accel}
+    return {k: v for k, v in given.items() if v is not None} or None
+
+
+def reading_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """--columns, --system, --gyro-filter and --accel-filter."""
+    for decorate in (
+        click.option(
+            "--accel-filter",
+            type=NumberRange(0),
+            metavar="HZ",
+            help="INS_ACCEL_FILTER during the drive, if the log lacks it (0: off).",
+        ),
+        click.option(
+            "--gyro-filter",
+            type=NumberRange(0),
+            metavar="HZ",
+            help="INS_GYRO_FILTER during the drive, if the log lacks it (0: off).",
+        ),
+        click.option(
+            "--system",
+            type=click.IntRange(1, 255),
+            metavar="N",
+            help="MAVLink system id of the vehicle, if a .tlog contains several.",
+        ),
+        click.option(
+            "--columns",
+            type=click.Path(dir_okay=False),
+            metavar="FILE",
+            help="Column map of .csv recordings (TOML).",
+        ),
+    ):
+        command = decorate(command)
+    return command
+
+
+def output_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """--json and --full, of the commands that identify."""
+    for decorate in (
+        click.option(
+            "--full",
+            "--verbose",
+            "full",
+            is_flag=True,
+            help="Show all tables: every model, costs, verification, handling, steps of the reduction.",
+        ),
+        click.option(
+            "--json",
+            "as_json",
+            is_flag=True,
+            help="Print identification.json on stdout; tables go to stderr.",
+        ),
+    ):
+        command = decorate(command)
+    return command
+
+
+# Option types for measured numbers: a number with its standard deviation, and times.
+
+
+class MeasuredType(click.ParamType):
+    """A positive number, with its standard deviation after +- or ±, e.g. 1.200+-0.003."""
+
+    name = "NUMBER[+-SD]"
+
+    def __init__(self, low: float, high: float, unit: str, hint: str = "") -> None:
+        self.low, self.high, self.unit, self.hint = low, high, unit, hint
+
+    def convert(self, value: object, param: click.Parameter | None, ctx: click.Context | None) -> Measured:
+        """The number; a usage error if it is not a number or outside low..high."""
+        if isinstance(value, Measured):
+            return value
+        parts = [part.strip() for part in re.split(r"\+-|\+/-|±", str(value))]
+        try:
+            numbers = [float(part) for part in parts]
+        except ValueError:
+            self.fail(f"{value!r} is not a number such as 1.2 or 1.2+-0.01 ({self.unit})", param, ctx)
+        if len(numbers) > 2 or not self.low <= numbers[0] <= self.high:
+            self.fail(
+                f"{value!r} is outside {self.low:g}..{self.high:g} {self.unit}; {self.hint or 'check it'}",
+                param,
+                ctx,
+            )
+        if len(numbers) == 2 and not 0 <= numbers[1] < numbers[0]:
+            self.fail(
+                f"{value!r}: the uncertainty must be between 0 and the number, in {self.unit}", param, ctx
+            )
+        return Measured(numbers[0], numbers[1] if len(numbers) == 2 else None)
+
+
+class TimesType(click.ParamType):
+    """Times in s, separated by commas or blanks."""
+
+    name = "S,S,.."
+
+    def convert(
+        self, value: object, param: click.Parameter | None, ctx: click.Context | None
+    ) -> tuple[float, ...]:
+        """The times; a usage error if one is not a positive number."""
+        if isinstance(value, tuple):
+            return value
+        try:
+            times = tuple(float(part) for part in re.split(r"[,\s]+", str(value).strip()))
+        except ValueError:
+            self.fail(f"{value!r} is not a list of times in s such as 47.5,47.3,47.6", param, ctx)
+        if not all(0 < time < 3600 for time in times):
+            self.fail(f"{value!r}: every time must be between 0 and 3600 s", param, ctx)
+        return times
+
+
+# Text output of a command: to stdout for `-`, else into a file in an existing folder.
+
+
+READ_IN_FOLDERS = ("identification.json", "speed.json", "diagnosis.json", "session.json", "rover.toml")
+
+
+def refuse_no_folder(output: str) -> None:
+    """UsageError if the file's folder does not exist; a mistyped folder is not created."""
+    folder = Path(output).parent
+    if output != "-" and not folder.is_dir():
+        raise UsageError(f"cannot write {output}: there is no folder {folder}; create it, or give another")
+
+
+def refuse_input(output: str, *inputs: str | Path | None) -> None:
+    """UsageError if the file is one of the inputs, or what is read of a folder that is one."""
+    path = Path(output).resolve()
+    for given in (Path(given).resolve() for given in inputs if given is not None):
+        if path == given or (path.parent == given and path.name in READ_IN_FOLDERS):
+            raise UsageError(f"{output} is an input of this command; give another name to write to")
+
+
+def write_text(output: str, text: str, report: str = "written") -> None:
+    """Write the text; for a file, print its name and `report` on stderr."""
+    if output == "-":
+        echo(text, nl=False)
+        return
+    from rover_sweep.files.replaced import write_file
+
+    refuse_no_folder(output)
+    write_file(Path(output), text)
+    echo(f"{output}: {report}", err=True)
+
+
+# Output folders: checked before the work starts, and never one that contains earlier work.
+
+
+_SESSION = ("session.json", "*.tlog", "*.BIN", "report")
+
+
+def check_writable(folder: Path) -> None:
+    """UsageError if `folder` is not writable; leaves nothing behind."""
+    try:
+        made = [p for p in (folder, *folder.parents) if not p.exists()]
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+        for path in made:
+            path.rmdir()
+    except OSError as error:
+        raise UsageError(f"{folder} cannot be written: {error.strerror}; give another --out") from error
+
+
+def check_report_folder(folder: Path, documents: tuple[str, ...], written: tuple[str, ...]) -> None:
+    """UsageError if `folder` is not writable, or has files that a report would replace and are none of one.
+
+    documents: names of the files that a report always has. written: glob patterns of the others.
+    """
+    ours = any((folder / name).is_file() for name in documents)
+    if not ours and (held := _held(folder, written)):
+        raise UsageError(
+            f"{folder} has {held} but no {documents[0]}: this program did not write it; give another --out"
+        )
+    check_writable(folder)
+
+
+def session_folder(given: str | None, name: str, also: tuple[str, ...] = ()) -> Path:
+    """Create an empty folder for a session: `given`, else the first free of `name`, `name`-2, ...
+
+    also: glob patterns of further files that must not exist. UsageError if the given folder contains a
+    session, or is not writable.
+    """
+    if given is None:
+        numbered = (Path(name if n == 1 else f"{name}-{n}") for n in count(1))
+        folder = next(p for p in numbered if not p.exists())
+    else:
+        folder = Path(given)
+        if held := _held(folder, (*_SESSION, *also)):
+            raise UsageError(
+                f"{folder} already contains a session ({held}); continue it with `rover-sweep resume`, or "
+                "give another --out"
+            )
+    check_writable(folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    return folder
+
+
+def _held(folder: Path, patterns: tuple[str, ...]) -> str | None:
+    """Name of the first file in the folder that matches."""
+    if not folder.is_dir():
+        return None
+    found = (path for pattern in patterns for path in sorted(folder.glob(pattern)))
+    return next((str(path.relative_to(folder)) for path in found), None)
+
+
+# The ground on the command line: 60x20, length and width in metres.
+
+
+_FORM = re.compile(r"([0-9]+\.?[0-9]*)x([0-9]+\.?[0-9]*)")
+
+
+class GroundType(click.ParamType):
+    """LENGTHxWIDTH in metres, the length in the direction of the drive."""
+
+    name = "LENGTHxWIDTH"
+
+    def convert(
+        self, value: object, param: click.Parameter | None, ctx: click.Context | None
+    ) -> tuple[float, float]:
+        """(length, width) [m]."""
+        if isinstance(value, tuple):
+            return float(value[0]), float(value[1])
+        found = _FORM.fullmatch(str(value).strip())
+        if not found or not (0 < float(found[1]) <= 1e5 and 0 < float(found[2]) <= 1e5):
+            self.fail(f"{value!r} is not a ground; write it as 60x20, length and width in m", param, ctx)
+        return float(found[1]), float(found[2])

@@ -1,1 +1,0 @@
-"""Option and argument types of the command line."""

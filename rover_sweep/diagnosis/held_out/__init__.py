@@ -1,1 +1,0 @@
-"""How well a model predicts runs that neither its fit nor its selection used."""

@@ -1,1 +1,0 @@
-"""The linear part of an augmented model."""

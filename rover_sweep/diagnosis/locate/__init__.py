@@ -1,1 +1,0 @@
-"""Where simulation and recording differ: places of the residual above the noise."""

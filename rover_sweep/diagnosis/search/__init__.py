@@ -1,1 +1,0 @@
-"""Which effects to add: candidate fits, thresholds, look-alikes, bounds, intervals."""

@@ -1,1 +1,0 @@
-"""Misfits that no effect of the library explains."""

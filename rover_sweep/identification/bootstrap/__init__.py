@@ -1,1 +1,0 @@
-"""Confidence intervals of the parameters by a parametric bootstrap of the whole pipeline."""

@@ -1,1 +1,0 @@
-"""The model structures of the paper: kinematic, bicycle, roll-yaw, lumped."""

@@ -1,1 +1,0 @@
-"""Response of the speed to the throttle, from throttle sweeps."""

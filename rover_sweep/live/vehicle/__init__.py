@@ -1,1 +1,0 @@
-"""A vehicle on a link as the source of a screen."""

@@ -1,1 +1,0 @@
-"""The verdict on a run right after it: keep, repeat (with which amplitude), or discard."""

@@ -1,1 +1,0 @@
-"""Checks of a recording after reading: it is refused, or used with warnings."""

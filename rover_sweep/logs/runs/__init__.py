@@ -1,1 +1,0 @@
-"""The runs within a log: found, classified, checked for completeness."""

@@ -1,1 +1,0 @@
-"""Text forms of numbers, names, provenance and acceptance."""

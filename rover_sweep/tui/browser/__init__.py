@@ -1,1 +1,0 @@
-"""The session in a browser: one page, one program, which ends with either."""

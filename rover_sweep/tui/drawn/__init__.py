@@ -1,1 +1,0 @@
-"""Drawing elements: text rows, bars, colours, labels, the question box."""

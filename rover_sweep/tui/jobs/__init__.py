@@ -1,1 +1,0 @@
-"""Commands that run in separate processes while the session continues."""

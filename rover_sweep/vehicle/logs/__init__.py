@@ -1,1 +1,0 @@
-"""The vehicle's own logs: listed, fetched, compared with the card."""

@@ -1,1 +1,0 @@
-"""Parameters of the vehicle: read, written, compared, put back after an override."""

@@ -1,1 +1,0 @@
-"""A rover brought to what identification needs: applet, parameters, reboots."""
