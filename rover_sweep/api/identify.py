@@ -326,7 +326,9 @@ def identified(
     vehicle, vehicle_file = rover
     geometry = geometry_of(vehicle)
     geometry = replace(geometry, free=tuple(dict.fromkeys((*geometry.free, *free))))
-    found = run_identification(tuple(sweeps), geometry, tuple(checks), settings, tuple(structures), fitted)
+    found = run_identification(
+        tuple(sweeps), geometry, tuple(checks), settings, tuple(structures), fitted, vehicle
+    )
     found = with_numbers(found, vehicle) if settings.bootstrap else found
     origin = provenance(vehicle, vehicle_file, checks, command, datetime.now().astimezone())
     return Result(**{f.name: getattr(found, f.name) for f in fields(found)}, origin=origin)

@@ -26,9 +26,9 @@ from rover_sweep.identification.grouping import MODELS
 from rover_sweep.identification.state_space import ModelStructure
 from rover_sweep.identification.toml_form import StructureError, structure_from_text
 from rover_sweep.logs.read import read_runs
-from rover_sweep.quality.coherence import CoherenceTable, assess
 from rover_sweep.quality.faults import each_with_length, is_unexcited
 from rover_sweep.quality.rovers import stopped_at, with_rovers
+from rover_sweep.quality.verdict import CoherenceTable, assess
 from rover_sweep.session.folder import is_session, kept_vehicle_file
 from rover_sweep.session.session import session_runs
 
@@ -324,7 +324,7 @@ class Runs(Shown, Sequence[Recording]):
         >>> runs.coherence()[0].keep
         True
         """
-        return CoherenceTable(assess(run) for run in each_with_length(self.recordings))
+        return CoherenceTable(assess(run, None, self.vehicle) for run in each_with_length(self.recordings))
 
     def plot(self, channels: Sequence[str] | None = None, axes: Any = None) -> Any:
         """Draws every run in a column of its own and returns the matplotlib axes (channels, runs).

@@ -161,6 +161,8 @@ class Recording(Shown):
     standstill, straight: intervals (start, end) s for biases and the noise floor.
     filters: known sensor low-pass per channel name (r, p: INS_GYRO_FILTER; ay: INS_ACCEL_FILTER).
     sources: (path name, sha256) of its files. vehicle: {key: value} of the log that identify the vehicle.
+    limits: {parameter: value} that bound the steering, as logged: SERVOn_MIN, _MAX, _TRIM, SWP_PWM_MAX [us],
+    SWP_R_MAX, SWP_P_MAX [deg/s].
 
     >>> runs["run1"]["r"].unit, round(runs["run1"].mean_speed, 2)
     ('rad/s', 2.48)
@@ -177,6 +179,7 @@ class Recording(Shown):
     firmware: str = ""
     sources: tuple[tuple[str, str], ...] = ()
     vehicle: Mapping[str, str] = field(default_factory=dict)
+    limits: Mapping[str, float] = field(default_factory=dict)
 
     def __getitem__(self, channel: str) -> Signal:
         return self.channels[channel]

@@ -6,9 +6,11 @@ from abc import abstractmethod
 from collections.abc import Iterator
 from dataclasses import dataclass, fields
 from html import escape
-from typing import Any, Protocol, TypeVar
+from typing import Any, Literal, Protocol, TypeVar
 
 import numpy as np
+
+Advice = Literal["keep", "repeat", "discard"]  # what to do with a run
 
 # Python's own numbers in results: `1.5`, not `np.float64(1.5)`, where a result is printed.
 

@@ -8,7 +8,7 @@ from rover_sweep.data.recording import LowPass, Recording
 from rover_sweep.identification.fit import Estimate
 from rover_sweep.identification.model_results import tyres_not_identifiable
 from rover_sweep.identification.pipeline import Identification, ModelResult
-from rover_sweep.quality.coherence import CoherenceVerdict
+from rover_sweep.quality.verdict import CoherenceVerdict
 
 ORDER = ("kinematic", "bicycle", "roll-yaw", "lumped")
 TITLES = {"kinematic": "Kinematic", "bicycle": "Bicycle", "roll-yaw": "Roll-yaw", "lumped": "Lumped"}

@@ -15,6 +15,7 @@ from rover_sweep.data.geometry import Geometry
 from rover_sweep.data.plausibility import implausible
 from rover_sweep.data.recording import Recording
 from rover_sweep.data.results import ByName, PlainNumbers, ShortTable, Shown, band_words
+from rover_sweep.data.vehicle_file import Vehicle
 from rover_sweep.identification.bootstrap import with_intervals
 from rover_sweep.identification.fit import (
     Condition,
@@ -44,7 +45,7 @@ from rover_sweep.identification.model_results import (
 from rover_sweep.identification.models import kinematic, refitted_with_lag
 from rover_sweep.identification.state_space import OUTPUTS, ModelStructure
 from rover_sweep.identification.verdicts import ModelVerdict, at_most_acceptable
-from rover_sweep.quality.coherence import CoherenceTable, CoherenceVerdict, assess, input_responses
+from rover_sweep.quality.coherence import input_responses
 from rover_sweep.quality.faults import (
     doubts,
     each_with_length,
@@ -54,6 +55,7 @@ from rover_sweep.quality.faults import (
     without_faulty,
 )
 from rover_sweep.quality.rovers import TWO_ROVERS, with_rovers
+from rover_sweep.quality.verdict import CoherenceTable, CoherenceVerdict, assess
 from rover_sweep.spectra.conditioned import moving
 
 # A user's own structure, fitted to the runs like the built-in models.
@@ -290,18 +292,19 @@ def identify(
     settings: Settings | None = None,
     structures: Sequence[ModelStructure] = (),
     fitted: Callable[[Mapping[str, ModelResult]], None] | None = None,
+    vehicle: Vehicle | None = None,
 ) -> Identification:
     """Identifies models from runs that have `delta`, and verifies them on the runs of verify_on.
 
     structures: a user's own models, fitted in addition. fitted: called with the models as soon as they are
-    fitted; the intervals take longer. A model that the runs do not support is refused with the reason,
-    without an exception. ValueError when two models have one name.
+    fitted; the intervals take longer. vehicle: its file, for the verdict on each run. A model that the runs
+    do not support is refused with the reason, without an exception. ValueError when two models have one name.
     """
     wanted = settings or Settings()
     _refuse_same_names([s.name for s in structures])
     together = with_rovers((*runs, *verify_on))
     runs, verify_on = together[: len(runs)], together[len(runs) :]
-    quality = tuple(_assessed(run, wanted.condition_on) for run in each_with_length(runs))
+    quality = tuple(_assessed(run, wanted.condition_on, vehicle) for run in each_with_length(runs))
     runs, verify_on, apart = without_faulty(runs, verify_on, wanted.fitted)
     groups = grouped(runs, wanted)
     reasons = {i: why for i, g in enumerate(groups) if (why := g.why_not())}
@@ -393,10 +396,10 @@ def _left_out(group: Group, why: str) -> str:
     return f"left out {', '.join(run.name for run in group.runs)} at {group.speed:.2f} m/s: {why}"
 
 
-def _assessed(run: Recording, condition_on: Sequence[str]) -> CoherenceVerdict:
+def _assessed(run: Recording, condition_on: Sequence[str], vehicle: Vehicle | None) -> CoherenceVerdict:
     """The coherence verdict on one run, from partial coherences where another input moves."""
     others = tuple(c for c in condition_on if moving([run], c))
-    return assess(run, input_responses([run], ("delta", *others))["delta"] if others else None)
+    return assess(run, input_responses([run], ("delta", *others))["delta"] if others else None, vehicle)
 
 
 def _refuse_same_names(names: Sequence[str]) -> None:

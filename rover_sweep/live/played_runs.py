@@ -14,12 +14,13 @@ from rover_sweep.data.recording import Recording
 from rover_sweep.errors import DataRefused
 from rover_sweep.files.documents import printable
 from rover_sweep.live.source import Verdict
-from rover_sweep.live.verdict import NOT_WHOLE, renamed, verdict_on_log
+from rover_sweep.live.verdict import renamed, verdict_on_run
 from rover_sweep.logs.log import Log
 from rover_sweep.logs.read import runs_of
 from rover_sweep.manoeuvre.multisine import Multisine
 from rover_sweep.manoeuvre.sweep import Doublet, Manoeuvre, Sweep, configured_manoeuvre
 from rover_sweep.quality.coherence import excited_range
+from rover_sweep.quality.verdict import NOT_WHOLE
 from rover_sweep.vehicle.events import RunFinished, RunStarted
 from rover_sweep.vehicle.link.streams import StreamQuality
 
@@ -57,7 +58,7 @@ class PlayedRun:
     @cached_property
     def verdict(self) -> Verdict:
         """As `live.verdict.judge` gives it right after the run."""
-        return renamed(verdict_on_log(self.recording, self.log), self.recording.name, self.path)
+        return renamed(verdict_on_run(self.recording), self.recording.name, self.path)
 
     def _outcome(self) -> tuple[bool, str]:
         """(completed, reason) by the applet's status text, else by the notes on the recording."""

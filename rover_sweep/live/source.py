@@ -13,10 +13,11 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from math import nan
 from pathlib import Path
-from typing import Literal, Protocol
+from typing import Protocol
 
 from firmware_params.applet_parameters import AUX_FUNCTION, PREFIX, STATES
 from rover_sweep.data.geometry import MILLI_G
+from rover_sweep.data.results import Advice
 from rover_sweep.manoeuvre.sweep import Manoeuvre, configured_manoeuvre
 from rover_sweep.session.session import SessionRun
 from rover_sweep.vehicle.events import Event
@@ -27,9 +28,6 @@ from rover_sweep.vehicle.preflight.read_rover import Check
 from rover_sweep.vehicle.run.controls import RunSettings
 
 # The state of a rover at an instant, and the verdict on a run, as values for a screen.
-
-
-Advice = Literal["keep", "repeat", "discard"]
 
 
 @dataclass(frozen=True)

@@ -18,6 +18,7 @@ from rover_sweep.files.documents import printable
 Array = NDArray[np.float64]
 
 STEERING, THROTTLE, THRUST_LEFT, THRUST_RIGHT = 26, 70, 73, 74  # SERVOn_FUNCTION (ArduRover 4.6 parameters)
+APPLET_LIMITS = ("SWP_PWM_MAX", "SWP_R_MAX", "SWP_P_MAX")
 FAR, FAR_STEPS = 0.1, 10.0  # s, and sampling intervals; a stamp this far from its neighbours is damaged
 DISORDER = 1.0  # s, largest normal disorder of a stamp, as over a radio link
 ODD = 2  # disordered stamps allowed in any log: a stream that pauses at its start or end
@@ -131,6 +132,17 @@ def output_limits(parameters: Mapping[str, float], channel: int) -> tuple[float,
         if f"{prefix}_MIN" in parameters and f"{prefix}_MAX" in parameters:
             return float(parameters[f"{prefix}_MIN"]), float(parameters[f"{prefix}_MAX"])
     return None
+
+
+def steering_limits(parameters: Mapping[str, float]) -> dict[str, float]:
+    """{parameter: value} that bound the steering: SERVOn_MIN, _MAX, _TRIM and the applet's limits."""
+    channel = output_channel(parameters, STEERING) or 1
+    found = {name: parameters[name] for name in APPLET_LIMITS if name in parameters}
+    if (ends := output_limits(parameters, channel)) is not None:
+        found |= {f"SERVO{channel}_MIN": ends[0], f"SERVO{channel}_MAX": ends[1]}
+        trim = parameters.get(f"SERVO{channel}_TRIM")
+        found |= {} if trim is None else {f"SERVO{channel}_TRIM": trim}
+    return found
 
 
 def sensor_filters(

@@ -6,7 +6,7 @@ import pytest
 
 from rover_sweep.logs import read_runs
 from rover_sweep.manoeuvre.sweep import Sweep
-from rover_sweep.quality.coherence import assess
+from rover_sweep.quality.verdict import assess
 from rover_sweep.session.simulated_rover import DryRun, dry_run
 from rover_sweep.vehicle.events import RunFinished
 

@@ -18,7 +18,7 @@ from rover_sweep.data.recording import Recording
 from rover_sweep.data.results import ByName
 from rover_sweep.identification.model_results import ModelResult
 from rover_sweep.identification.verify import Verification
-from rover_sweep.quality.coherence import CoherenceTable
+from rover_sweep.quality.verdict import CoherenceTable
 from rover_sweep.spectra.response import FrequencyResponse
 
 DATA = Path(__file__).parents[1] / "data"

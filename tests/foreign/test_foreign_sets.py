@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rover_sweep.quality.coherence import assess
+from rover_sweep.quality.verdict import assess
 from tests.foreign.draw import KINDS, LISTED, Hidden, conceal, draw, laws
 from tests.foreign.drive import drives, wave
 from tests.foreign.instruments import filtered, lagged

@@ -10,7 +10,8 @@ from rover_sweep.identification.models import roll_yaw
 from rover_sweep.identification.pipeline import identify
 from rover_sweep.identification.verify import verify
 from rover_sweep.manoeuvre.sweep import Sweep
-from rover_sweep.quality.coherence import assess, excited_range
+from rover_sweep.quality.coherence import excited_range
+from rover_sweep.quality.verdict import assess
 from rover_sweep.report.identification.terminal import first_numbers
 
 SWEEP = Sweep(amplitude=120)
@@ -111,8 +112,8 @@ def test_verdict_follows_the_noise(noise: float, keep: bool):
 
 def test_the_asked_amplitude_is_enough():
     weak = assess(driven(TRUTH, Sweep(amplitude=20), noise=0.2))
-    assert not weak.keep and weak.amplitude_factor
-    stronger = Sweep(amplitude=20 * weak.amplitude_factor)
+    assert not weak.keep and weak.next.amplitude
+    stronger = Sweep(amplitude=weak.next.amplitude)
     assert assess(driven(TRUTH, stronger, noise=0.2, seed=5)).keep
 
 

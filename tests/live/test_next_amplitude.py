@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from rover_sweep.data.recording import Recording
-from rover_sweep.live.verdict import proposed
-from rover_sweep.logs import read_logs, read_runs
+from rover_sweep.logs import read_runs
 from rover_sweep.manoeuvre.sweep import Sweep
 from rover_sweep.quality.coherence import judged_responses, responses
+from rover_sweep.quality.verdict import assess
 from rover_sweep.session.simulated_rover import DryRun, dry_run
 from rover_sweep.spectra.amplitude import (
     WANTED_COHERENCE,
@@ -111,9 +111,8 @@ def test_where_nothing_answers_the_proposal_is_a_lower_bound() -> None:
 
 def sweep_driven(amplitude: float, folder: Path) -> tuple[Recording, AmplitudeProposal]:
     list(dry_run(DryRun(sweeps=(Sweep(amplitude=amplitude),), seed=7), folder))
-    path = str(folder / "sweep1.tlog")
-    (run,), (log,) = read_runs(path), read_logs(path)
-    return run, proposed(run, responses([run], input="pwm"), log.parameters)
+    (run,) = read_runs(str(folder / "sweep1.tlog"))
+    return run, assess(run).next
 
 
 @pytest.fixture(scope="module")

@@ -14,7 +14,7 @@ import pytest
 from rover_sweep.data import vehicle_file
 from rover_sweep.data.recording import Recording, Signal
 from rover_sweep.live.source import Verdict
-from rover_sweep.live.verdict import judge, verdict_on_log
+from rover_sweep.live.verdict import judge, verdict_on_run
 from rover_sweep.logs import read_logs, read_runs
 from rover_sweep.logs.log import Log
 
@@ -76,28 +76,26 @@ def test_a_good_run_is_kept_with_its_bands_in_words(data: Path) -> None:
         ({"ay": noisy(5.0)}, "repeat", "repeat with"),
     ],
 )
-def test_the_fault_is_named(
-    run: Recording, log: Log, changes: dict[str, Change], advice: str, words: str
-) -> None:
+def test_the_fault_is_named(run: Recording, changes: dict[str, Change], advice: str, words: str) -> None:
     # the standstill tells the gyro's bias, so that a constant in r would be taken for one
-    verdict = verdict_on_log(replace(changed(run, **changes), standstill=()), log)
+    verdict = verdict_on_run(replace(changed(run, **changes), standstill=()))
     assert verdict.advice == advice, verdict.sentence
     assert words in verdict.sentence
 
 
-def test_more_amplitude_is_proposed_for_noise(run: Recording, log: Log) -> None:
-    verdict = verdict_on_log(changed(run, ay=noisy(2.0)), log)
+def test_more_amplitude_is_proposed_for_noise(run: Recording) -> None:
+    verdict = verdict_on_run(changed(run, ay=noisy(2.0)))
     assert verdict.advice == "repeat" and verdict.amplitude is not None
     assert f"repeat with {verdict.amplitude:.0f} us in place of 150" in verdict.sentence
     assert "coherence of ay is below 0.6" in verdict.sentence
     assert verdict.amplitude == max(us for _, _, us in verdict.per_band)
 
 
-def test_where_the_limits_allow_no_more_the_frequency_is_lowered(run: Recording, log: Log) -> None:
+def test_where_the_limits_allow_no_more_the_frequency_is_lowered(run: Recording) -> None:
     w_max = {}
     for limit in (400.0, 170.0):
-        tight = replace(log, parameters={**log.parameters, "SWP_PWM_MAX": limit})
-        verdict = verdict_on_log(changed(run, ay=noisy(3.0)), tight)
+        tight = replace(run, limits={**run.limits, "SWP_PWM_MAX": limit})
+        verdict = verdict_on_run(changed(tight, ay=noisy(3.0)))
         assert verdict.advice == "repeat" and verdict.amplitude is not None and verdict.amplitude <= limit
         assert all(us <= limit for _, _, us in verdict.per_band)
         w_max[limit] = float(verdict.sentence.partition("lower w_max to ")[2].split()[0])
@@ -105,16 +103,16 @@ def test_where_the_limits_allow_no_more_the_frequency_is_lowered(run: Recording,
     assert 1.0 < w_max[170.0] < w_max[400.0] < 25.0
 
 
-def test_the_vehicle_file_tells_the_sign_of_the_steering(run: Recording, log: Log, data: Path) -> None:
+def test_the_vehicle_file_tells_the_sign_of_the_steering(run: Recording, data: Path) -> None:
     rover = vehicle_file.load(data / "rover.toml")
     assert rover.rad_per_us is not None
-    assert verdict_on_log(run, log, rover).advice == "keep"
+    assert verdict_on_run(run, rover).advice == "keep"
     wrong = replace(rover, rad_per_us=replace(rover.rad_per_us, value=-rover.rad_per_us.value))
-    verdict = verdict_on_log(run, log, wrong)
+    verdict = verdict_on_run(run, wrong)
     assert verdict.advice == "discard" and "rad_per_us" in verdict.sentence
     turned = changed(run, pwm=lambda s: 3000.0 - s.x)
-    assert any("a larger PWM turns this rover left" in r for r in verdict_on_log(turned, log).remarks)
-    assert not any("turns this rover left" in r for r in verdict_on_log(run, log).remarks)
+    assert any("a larger PWM turns this rover left" in r for r in verdict_on_run(turned).remarks)
+    assert not any("turns this rover left" in r for r in verdict_on_run(run).remarks)
 
 
 def test_a_doublet_is_kept_without_a_word_on_coherence(data: Path) -> None:
@@ -162,6 +160,6 @@ def test_it_is_there_within_a_second(data: Path, name: str) -> None:
     assert float(cold) < 1.0 and float(warm) < 1.0
 
 
-def test_a_verdict_is_a_plain_value(run: Recording, log: Log) -> None:
-    assert isinstance(hash(verdict_on_log(run, log)), int)
-    assert verdict_on_log(run, log) == verdict_on_log(run, log) != Verdict("run1", "keep", "")
+def test_a_verdict_is_a_plain_value(run: Recording) -> None:
+    assert isinstance(hash(verdict_on_run(run)), int)
+    assert verdict_on_run(run) == verdict_on_run(run) != Verdict("run1", "keep", "")

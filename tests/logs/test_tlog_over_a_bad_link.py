@@ -18,7 +18,7 @@ from rover_sweep.logs.readers import tlog
 from rover_sweep.logs.readers.tlog import parse_tlog, walk
 from rover_sweep.logs.readers.tlog_channels import read_telemetry
 from rover_sweep.logs.readers.vehicle_clock import sessions
-from rover_sweep.quality.coherence import assess
+from rover_sweep.quality.verdict import assess
 
 SHARE = 0.05
 

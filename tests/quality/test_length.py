@@ -14,7 +14,6 @@ from rover_sweep.data.vehicle_geometry import geometry_of
 from rover_sweep.diagnosis.result import DiagnosisSettings
 from rover_sweep.identification.grouping import Settings
 from rover_sweep.identification.pipeline import identify
-from rover_sweep.quality.coherence import assess
 from rover_sweep.quality.faults import (
     TOO_SHORT,
     each_with_length,
@@ -23,6 +22,7 @@ from rover_sweep.quality.faults import (
     too_short,
     with_length,
 )
+from rover_sweep.quality.verdict import assess
 
 VEHICLE = NOMINAL.parents[1] / "rover.toml"
 SAID = "of driving, but 16 s are needed (5 periods of 2 rad/s) for a random error of 10 %; drive one complete"

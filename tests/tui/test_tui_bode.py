@@ -10,7 +10,7 @@ from rover_sweep.api.read import with_delta
 from rover_sweep.data.braille import braille_lines
 from rover_sweep.data.vehicle_file import load
 from rover_sweep.live.source import ResponseCurve
-from rover_sweep.live.verdict import verdict_on_log
+from rover_sweep.live.verdict import verdict_on_run
 from rover_sweep.logs.read import read_logs, runs_of
 from rover_sweep.quality.coherence import responses
 from rover_sweep.spectra.response import unwrapped_phase
@@ -44,7 +44,7 @@ def test_the_axis_has_its_ends_and_decades() -> None:
 
 def test_a_recorded_run_is_drawn_at_80_by_24() -> None:
     log = read_logs(str(RECORDED))[-1]
-    curves = verdict_on_log(runs_of(log)[-1], log).curves
+    curves = verdict_on_run(runs_of(log)[-1]).curves
     assert [c.response for c in curves][:2] == ["r", "ay"]
     assert all(len(c.w) == len(c.gain) == len(c.phase) == len(c.coherence) <= 80 for c in curves)
     rows = ScreenRows(LIGHT, 80, 19)
@@ -58,7 +58,7 @@ def test_phase_and_gain_are_those_of_the_report_where_the_wheel_angle_is_known()
     log = read_logs(str(NOMINAL))[-1]
     run = runs_of(log)[-1]
     vehicle = load(DATA / "rover.toml")
-    live = verdict_on_log(run, log, vehicle).curves[0]
+    live = verdict_on_run(run, vehicle).curves[0]
     assert (live.response, live.steering) == ("r", "rad")
     f = responses([with_delta(run, vehicle)], input="delta")["r"]
     reported, gain = np.interp(live.w, f.w, unwrapped_phase(f.h, f)), np.interp(live.w, f.w, f.magnitude_db)
@@ -69,7 +69,7 @@ def test_phase_and_gain_are_those_of_the_report_where_the_wheel_angle_is_known()
     rows = ScreenRows(LIGHT, 80, 19)
     draw_bode(rows, live)
     assert "per rad of wheel angle" in rows.text().plain
-    unknown = verdict_on_log(run, log).curves[0]
+    unknown = verdict_on_run(run).curves[0]
     assert unknown.steering == "us"
     turned = (np.array(unknown.phase) - np.array(live.phase)) % 360
     np.testing.assert_allclose(turned[good], 180, atol=0.1)

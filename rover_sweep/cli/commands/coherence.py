@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict, replace
-from pathlib import Path
+from collections.abc import Sequence
+from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -15,8 +14,7 @@ from rover_sweep.cli.views.output import echo_json
 
 if TYPE_CHECKING:
     from rover_sweep.data.recording import Recording
-    from rover_sweep.data.vehicle_file import Vehicle
-    from rover_sweep.quality.coherence import CoherenceVerdict
+    from rover_sweep.quality.verdict import CoherenceVerdict
     from rover_sweep.spectra.amplitude import AmplitudeProposal
 
 
@@ -57,56 +55,23 @@ def coherence(
     from rover_sweep.api.read import load_runs
     from rover_sweep.data.vehicle_file import load
     from rover_sweep.quality.faults import each_with_length
+    from rover_sweep.quality.verdict import assess
 
     vehicle = load(vehicle_file) if vehicle_file else None
     filters = filter_overrides(gyro_filter, accel_filter)
     found = each_with_length(load_runs(runs, columns, filters, system=system))
-    parameters = _parameters(runs, columns, found)
-    judged = [_judged(run, parameters[run.name], vehicle, servo) for run in found]
+    judged = [assess(run, None, vehicle, servo) for run in found]
     if as_json:
-        echo_json(json.dumps([_as_json(*one, run) for one, run in zip(judged, found, strict=True)], indent=2))
+        echo_json(json.dumps([_as_json(*one) for one in zip(judged, found, strict=True)], indent=2))
         return
-    for (verdict, proposal), run in zip(judged, found, strict=True):
-        show_coherence(verdict, proposal, [note.text for note in run.notes if note.level == "warning"])
+    for verdict, run in zip(judged, found, strict=True):
+        show_coherence(verdict, [note.text for note in run.notes if note.level == "warning"])
 
 
-def _parameters(
-    sources: Sequence[str], columns: str | None, found: Sequence[Recording]
-) -> dict[str, dict[str, float]]:
-    """Vehicle parameters recorded with each run, by the run's name."""
-    from rover_sweep.logs import read_logs
-
-    wanted = {file for run in found for file, _ in run.sources}
-    recorded: dict[tuple[str, str], Mapping[str, float]] = {}
-    for source in sources:
-        files = [str(f) for f in Path(source).glob("*") if f.name in wanted] or [source]
-        for log in (log for file in files for log in read_logs(file, column_map=columns)):
-            recorded |= dict.fromkeys(log.sources, log.parameters)
-    return {run.name: {k: x for f in run.sources for k, x in recorded.get(f, {}).items()} for run in found}
-
-
-def _judged(
-    run: Recording, parameters: Mapping[str, float], vehicle: Vehicle | None, servo: float | None
-) -> tuple[CoherenceVerdict, AmplitudeProposal]:
-    """The coherence verdict and the amplitude for the next run, as `session` shows them after a run."""
-    from rover_sweep.live.verdict import advice, proposed
-    from rover_sweep.quality.coherence import assess, responses
-    from rover_sweep.quality.faults import is_unexcited
-    from rover_sweep.spectra.amplitude import AmplitudeProposal
-
-    if is_unexcited(run):
-        return assess(run), AmplitudeProposal(0.0, (), None, None, "")
-    responding = responses([run], input="delta" if "delta" in run else "pwm")
-    verdict = assess(run, responding)
-    proposal = proposed(run, responding, parameters, vehicle, servo)
-    if run.kind == "doublet":
-        return verdict, replace(proposal, bands=(), amplitude=None, sentence="")
-    word, sentence = advice(run, responding, verdict, proposal, vehicle)
-    return replace(verdict, keep=word == "keep", sentence=sentence), proposal
-
-
-def _as_json(verdict: CoherenceVerdict, proposal: AmplitudeProposal, run: Recording) -> dict[str, Any]:
+def _as_json(verdict: CoherenceVerdict, run: Recording) -> dict[str, Any]:
+    proposal = verdict.next
     return asdict(verdict) | {
+        "keep": verdict.keep,
         "notes": [asdict(note) for note in run.notes],
         "next": {
             "amplitude": proposal.amplitude,
@@ -119,9 +84,7 @@ def _as_json(verdict: CoherenceVerdict, proposal: AmplitudeProposal, run: Record
     }
 
 
-def show_coherence(
-    verdict: CoherenceVerdict, proposal: AmplitudeProposal, warnings: Sequence[str] = ()
-) -> None:
+def show_coherence(verdict: CoherenceVerdict, warnings: Sequence[str] = ()) -> None:
     """Print one run: verdict, warnings on the recording, a row per response, the next amplitude."""
     from rich.text import Text
 
@@ -139,8 +102,8 @@ def show_coherence(
         rows.append((o.output, band, f"{100 * o.covered:.0f} %", f"{o.lowest:.2f} at {o.lowest_at:.2g}"))
     if rows:
         console.print(_table(headings, rows))
-    if proposal.bands:
-        _show_amplitudes(verdict.amplitude_unit, proposal)
+    if verdict.next.bands:
+        _show_amplitudes(verdict.amplitude_unit, verdict.next)
 
 
 def _show_amplitudes(unit: str, proposal: AmplitudeProposal) -> None:

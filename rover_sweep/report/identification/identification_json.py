@@ -18,7 +18,7 @@ from rover_sweep.identification.model_results import TIED
 from rover_sweep.identification.pipeline import Identification, ModelResult
 from rover_sweep.identification.state_space import OUTPUTS
 from rover_sweep.identification.verify import Verification
-from rover_sweep.quality.coherence import CoherenceVerdict
+from rover_sweep.quality.verdict import CoherenceVerdict
 from rover_sweep.report.identification.terminal import handling_document
 from rover_sweep.report.wording import Provenance, plain
 from rover_sweep.spectra.response import FrequencyResponse
@@ -239,12 +239,12 @@ def _runs(result: Identification) -> list[dict[str, Any]]:
 
 def _verdict(verdict: CoherenceVerdict) -> dict[str, Any]:
     return {
-        "verdict": "keep" if verdict.keep else "repeat",
+        "verdict": verdict.advice,
         "sentence": verdict.sentence,
         "excited_rad_s": verdict.range,
         "amplitude": verdict.amplitude,
         "amplitude_unit": verdict.amplitude_unit,
-        "amplitude_factor": verdict.amplitude_factor,
+        "next_amplitude": verdict.next.amplitude,
         "coherence": {
             o.output: {
                 "band": o.band,

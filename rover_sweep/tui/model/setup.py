@@ -12,9 +12,10 @@ from math import isfinite
 from pathlib import Path
 from typing import Any, get_args
 
+from rover_sweep.data.results import Advice
 from rover_sweep.data.vehicle_file import Vehicle
 from rover_sweep.files.documents import read_json
-from rover_sweep.live.source import Advice, CoherenceBand, Played, ResponseCurve, Snapshot, Update, Verdict
+from rover_sweep.live.source import CoherenceBand, Played, ResponseCurve, Snapshot, Update, Verdict
 from rover_sweep.manoeuvre.sweep import Sweep
 from rover_sweep.session.content import Content, DrivenRun, SessionRun
 from rover_sweep.tui import drawn as labels
