@@ -15,7 +15,7 @@ from rover_sweep.comparison.common_model import FittedSide
 from rover_sweep.comparison.compare import Compared
 from rover_sweep.comparison.compare import compare as sides_compared
 from rover_sweep.data.recording import Recording, keyed_frame
-from rover_sweep.data.results import ShortTable, Shown, plain_number
+from rover_sweep.data.results import ShortTable, Shown, ends_words, plain_number
 from rover_sweep.diagnosis.result import BASELINES, Diagnosis, DiagnosisSettings
 from rover_sweep.diagnosis.simulation.experiment import experiment, in_order
 from rover_sweep.errors import DataRefused, UsageError
@@ -41,7 +41,7 @@ class FullDiagnosis(Shown, Diagnosis):
             share = "-" if removed is None else f"{100 * min(removed, 1.0):.0f} %"
             for k, v in enumerate(f.parameters):
                 names = (f.effect, ", ".join(f.look_alikes) or "-", share) if k == 0 else ("", "", "")
-                interval = f"{plain_number(v.low, 3)} .. {plain_number(v.high, 3)}"
+                interval = ends_words(v.low, v.high)
                 rows.append((names[0], v.name, plain_number(v.value, 3), interval, v.unit, *names[1:]))
         headings = ("left out", "", "value", "90 %", "unit", "or else", "removed")
         notes = [f"unknown in {self.unknown.channel}: {self.unknown.sentence}"] if self.unknown else []

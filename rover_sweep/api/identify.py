@@ -17,12 +17,11 @@ from typing import TYPE_CHECKING, Any
 from rover_sweep.api.known_steering import known
 from rover_sweep.api.read import Location, Runs, fitted_and_verified, load_structures
 from rover_sweep.data.recording import Recording, joined_frames
-from rover_sweep.data.results import LEVEL, ByName, Intervals
+from rover_sweep.data.results import ByName
 from rover_sweep.data.vehicle_file import Vehicle
 from rover_sweep.data.vehicle_geometry import MODEL_NAMES, geometry_of, tolerances_of
 from rover_sweep.errors import UsageError
 from rover_sweep.identification.acceptance import identified_runs, usable
-from rover_sweep.identification.fit import Estimate
 from rover_sweep.identification.grouping import FITTED, MODELS, Settings
 from rover_sweep.identification.model_results import PHYSICAL, ModelResult
 from rover_sweep.identification.models import COLUMNS, ROWS
@@ -102,7 +101,6 @@ def _check_inputs(names: Sequence[str], runs: Sequence[Recording]) -> None:
 
 CHANNELS = {"r": "r", "ay": "ay", "p": "p", "vydot": "vy"}  # {response: what is recorded of it}
 SEED = 1
-WIDTH = 3.29  # of a Gaussian's 90 % interval, in standard deviations
 
 
 def with_numbers(found: Identification, vehicle: Vehicle) -> Identification:
@@ -139,20 +137,7 @@ def with_numbers(found: Identification, vehicle: Vehicle) -> Identification:
         return replace(found, summary=(*found.summary, why))
     return replace(
         found,
-        numbers=ByName(
-            Estimate(
-                v.name,
-                v.unit,
-                v.value,
-                True,
-                None,
-                None,
-                meaning=v.meaning,
-                interval=Intervals(v.name, v.low, v.high, LEVEL, (v.high - v.low) / WIDTH, 0.0, 0, 0),
-            )
-            for v in rover_numbers(fitted, SEED)
-            if v.low is not None and v.high is not None
-        ),
+        numbers=ByName(v for v in rover_numbers(fitted, SEED) if v.low is not None and v.high is not None),
     )
 
 

@@ -14,7 +14,7 @@ from firmware_params.param_files import parse
 from rover_sweep.api.gains import steering_gains
 from rover_sweep.api.read import Location
 from rover_sweep.data.recording import ThrottleRun, data_frame
-from rover_sweep.data.results import ByName, ShortTable, Shown, plain_number
+from rover_sweep.data.results import ByName, Quantity, ShortTable, Shown, ends_words, plain_number
 from rover_sweep.errors import DataRefused, RoverSweepError, UsageError
 from rover_sweep.files.documents import read_json
 from rover_sweep.files.replaced import remove_file, write_file
@@ -29,7 +29,7 @@ from rover_sweep.gains.gains_json import (
 from rover_sweep.gains.proposal import Proposal, SteeringLimits, steering_limits
 from rover_sweep.gains.speed_chain import speed_from_document, speed_loop
 from rover_sweep.gains.speed_proposal import SpeedProposal, propose_speed
-from rover_sweep.identification.identify_speed import SpeedParameter, SpeedResult, speed_parameters
+from rover_sweep.identification.identify_speed import SpeedResult, speed_parameters
 from rover_sweep.identification.identify_speed import identify_speed as from_sweeps
 from rover_sweep.report.speed.speed_page import SpeedFindings, speed_document, speed_page
 
@@ -133,7 +133,7 @@ class SpeedIdentification(Shown, SpeedResult):
     """
 
     @property
-    def parameters(self) -> ByName[SpeedParameter]:
+    def parameters(self) -> ByName[Quantity]:
         """The numbers by name: gain, lag, delay, offset, drag; coasting_drag and dead_zone if recorded.
 
         Empty without a law (`level` "none").
@@ -187,8 +187,7 @@ class SpeedIdentification(Shown, SpeedResult):
         """The parameters with their intervals, and the reasons for less than good."""
         low, _, high = self.speeds
         rows = tuple(
-            (p.name, plain_number(p.value), p.unit, " - ".join(plain_number(end, 3) for end in p.interval_90))
-            for p in self.parameters
+            (p.name, plain_number(p.value), p.unit, ends_words(p.low, p.high)) for p in self.parameters
         )
         title = f"speed from {len(self.runs)} throttle sweep(s), {low:.2f} to {high:.2f} m/s: {self.level}"
         return ShortTable(title, ("parameter", "value", "unit", "90 % interval"), rows, self.reasons)

@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from rover_sweep.data.recording import Array
-from rover_sweep.data.results import ShortTable, Shown, plain_number
+from rover_sweep.data.results import Quantity, ShortTable, Shown, plain_number
 from rover_sweep.diagnosis.effects import library
-from rover_sweep.diagnosis.result import EffectValue, Mismatch, TimeHistory, UpperBound
+from rover_sweep.diagnosis.result import Mismatch, TimeHistory, UpperBound
 from rover_sweep.spectra.windowed import Complex
 
 Kind = Literal["instrument", "number", "left out", "too much", "size"]
@@ -30,8 +30,8 @@ class Difference:
 
     kind: Kind
     name: str
-    simulation: tuple[EffectValue, ...]
-    recordings: tuple[EffectValue, ...]
+    simulation: tuple[Quantity, ...]
+    recordings: tuple[Quantity, ...]
     change: Mapping[str, float]
     relative: bool
     gain: float
@@ -130,11 +130,7 @@ ABSENT = 1e5  # a limit or a cut-off at or above this does not exist
 
 
 def difference_sentence(
-    kind: Kind,
-    name: str,
-    simulation: Sequence[EffectValue],
-    recordings: Sequence[EffectValue],
-    relative: bool,
+    kind: Kind, name: str, simulation: Sequence[Quantity], recordings: Sequence[Quantity], relative: bool
 ) -> str:
     """One difference in one sentence, with both values and their intervals."""
     title = library()[name].title if name in library() and kind != "number" else ""
@@ -155,7 +151,7 @@ def difference_sentence(
     return f"{words} differs: {pairs}{far}"
 
 
-def _percent(simulation: Sequence[EffectValue], recordings: Sequence[EffectValue]) -> str:
+def _percent(simulation: Sequence[Quantity], recordings: Sequence[Quantity]) -> str:
     one, two = simulation[0].value, recordings[0].value
     if not one or not two:
         return ""
@@ -163,11 +159,11 @@ def _percent(simulation: Sequence[EffectValue], recordings: Sequence[EffectValue
     return f" (the simulation's is {abs(share):.0f} % too {'large' if share > 0 else 'small'})"
 
 
-def _list(values: Sequence[EffectValue]) -> str:
+def _list(values: Sequence[Quantity]) -> str:
     return ", ".join(f"{v.name} {_with_unit(v)}" for v in values)
 
 
-def _with_unit(v: EffectValue) -> str:
+def _with_unit(v: Quantity) -> str:
     if abs(v.value) >= ABSENT:
         return "none" if v.low is None else f"none (above {v.low:.3g} {v.unit})".replace(" )", ")")
     ends = f" ({v.low:.3g} to {v.high:.3g})" if v.low is not None and v.high is not None else ""

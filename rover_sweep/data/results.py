@@ -1,7 +1,8 @@
-"""Values in their order that are also found by name, as in the JSON files: `parameters["tau"].value`."""
+"""What results are made of: quantities with intervals, values found by name, short tables."""
 
 from __future__ import annotations
 
+import math
 from abc import abstractmethod
 from collections.abc import Iterator
 from dataclasses import dataclass, fields
@@ -84,6 +85,18 @@ class Shown:
 
     def _repr_html_(self) -> str:
         return self.table().html()
+
+
+def number(value: float | None, digits: int = 4) -> str:
+    """The value with `digits` significant digits; an exponent only below 1e-4 and from 1e6; – for None."""
+    if value is None or not math.isfinite(value):
+        return "–"
+    if value == 0:
+        return "0"
+    size = math.floor(math.log10(abs(value)))
+    if not -4 <= size <= 5:
+        return f"{value:.{digits - 1}e}"
+    return f"{value:.{max(digits - 1 - size, 0)}f}"
 
 
 def plain_number(value: float | None, digits: int = 4) -> str:
@@ -176,6 +189,37 @@ def _interval(item: Any) -> str:
 
 
 LEVEL = 0.90  # coverage
+
+
+@dataclass(frozen=True)
+class Quantity(PlainNumbers):
+    """A number with its 90 % interval, in `unit`; low or high None where there is no such limit.
+
+    bound: Cramer-Rao bound of the value, where that was computed.
+    """
+
+    name: str
+    unit: str
+    value: float
+    low: float | None = None
+    high: float | None = None
+    meaning: str = ""
+    bound: float | None = None
+
+    @property
+    def interval_90(self) -> tuple[float, float] | None:
+        """(low, high) of the 90 % interval, in `unit`; None where an end is missing."""
+        return None if self.low is None or self.high is None else (self.low, self.high)
+
+
+def ends_words(low: float | None, high: float | None, digits: int = 3) -> str:
+    """An interval as every page and terminal shows it, open at an end that was not found."""
+    if low is None and high is None:
+        return "-"
+    if high is None:
+        return f"from {number(low, digits)}"
+    last = number(high, digits)
+    return f"to {last}" if low is None else f"{number(low, digits)} to {last}"
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ import numpy as np
 
 from rover_sweep.data.geometry import Tolerances
 from rover_sweep.data.recording import Array
-from rover_sweep.data.results import ByName, PlainNumbers, ShortTable, Shown
+from rover_sweep.data.results import ByName, PlainNumbers, Quantity, ShortTable, Shown
 from rover_sweep.diagnosis.simulation.augmented import AugmentedModel
 
 Verdict = Literal["none", "explained", "partly explained", "unexplained", "refused"]
@@ -47,18 +47,6 @@ class Mismatch(PlainNumbers):
     residual_over_noise: float
     sentence: str
     profile: Profile | None = None
-
-
-@dataclass(frozen=True)
-class EffectValue(PlainNumbers):
-    """A parameter with its 90 % interval, in `unit`; low or high None where there is no such limit."""
-
-    name: str
-    unit: str
-    value: float
-    low: float | None
-    high: float | None
-    meaning: str = ""
 
 
 @dataclass(frozen=True)
@@ -102,7 +90,7 @@ class Finding(PlainNumbers, Shown):
 
     effect: str
     look_alikes: tuple[str, ...]
-    parameters: ByName[EffectValue]
+    parameters: ByName[Quantity]
     evidence: Mapping[str, float]
     held_out: tuple[HeldOut, ...]
     next_run: str
@@ -299,7 +287,7 @@ class Diagnosis(PlainNumbers):
     unknown: Unknown | None = None
     cannot_see: tuple[Unseen, ...] = ()
     falsified: tuple[Falsified, ...] = ()
-    parameters: ByName[EffectValue] = ByName()
+    parameters: ByName[Quantity] = ByName()
     curves: tuple[LawCurve, ...] = ()
     scores: Mapping[str, float] = field(default_factory=dict)
     overlays: tuple[TimeHistory, ...] = ()

@@ -22,7 +22,15 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from rover_sweep.data.recording import Array, LowPass
-from rover_sweep.data.results import ByName, Intervals, PlainNumbers, ShortTable, Shown, plain_number
+from rover_sweep.data.results import (
+    ByName,
+    Intervals,
+    PlainNumbers,
+    ShortTable,
+    Shown,
+    ends_words,
+    plain_number,
+)
 from rover_sweep.identification.state_space import ModelStructure, Parameter
 from rover_sweep.spectra.response import Band, FrequencyResponse
 from rover_sweep.spectra.windowed import Complex
@@ -288,7 +296,7 @@ class FitResult(PlainNumbers, Shown):
 
 def _ends(e: Estimate) -> str:
     """The 90 % interval as text."""
-    return f"{plain_number(e.interval.low)} to {plain_number(e.interval.high)}" if e.interval else "-"
+    return ends_words(*e.interval_90, 4) if e.interval_90 else "-"
 
 
 def _accuracies(e: Estimate) -> tuple[str, str]:

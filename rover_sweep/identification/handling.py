@@ -20,8 +20,8 @@ import numpy as np
 
 from rover_sweep.data.geometry import FRICTION, GRAVITY, NEAR
 from rover_sweep.data.recording import Note, Recording
-from rover_sweep.data.results import PlainNumbers, ShortTable, Shown, plain_number
-from rover_sweep.identification.fit import Estimate, FitResult
+from rover_sweep.data.results import Quantity, ShortTable, Shown, ends_words, plain_number
+from rover_sweep.identification.fit import FitResult
 from rover_sweep.identification.models import axle_stiffness
 from rover_sweep.identification.state_space import ModelStructure
 
@@ -46,21 +46,6 @@ UNITS = {
 
 OF_THE_SIGN = ("critical_speed", "characteristic_speed")  # exist for one sign of K_us only
 OF_BOTH_AXLES = ("understeer_gradient", "understeer_gradient_deg_per_g", "static_margin")
-
-
-@dataclass(frozen=True)
-class Quantity(PlainNumbers):
-    """A value with its Cramer-Rao bound in `unit`, to first order; None where it cannot be computed.
-
-    low, high: its interval, with the bound and the error of the yaw rate gain; None where there is none.
-    """
-
-    value: float
-    bound: float | None
-    unit: str
-    meaning: str
-    low: float | None = None
-    high: float | None = None
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -114,15 +99,15 @@ class Handling(Shown):
         kind = "understeers" if k.value > 0 else "oversteers"
         return f"the rover {kind}: {between}, {name.replace('_', ' ')} {v.value:.1f} m/s{ends}"
 
-    def with_understeer(self, k: Estimate, base: float) -> Handling:
+    def with_understeer(self, k: Quantity, base: float) -> Handling:
         """With K_us [deg/g] of both axles together, and the speeds that follow. base: wheelbase [m]."""
         low, high = k.interval_90 or (None, None)
         per_g = "understeer_gradient_deg_per_g"
         kept = {n: q for n, q in self.quantities.items() if n not in (*OF_BOTH_AXLES, *OF_THE_SIGN)}
-        both = {per_g: Quantity(k.value, None, *UNITS[per_g], low, high)}
+        both = {per_g: _quantity(per_g, k.value, low=low, high=high)}
         if k.value:
             name = "characteristic_speed" if k.value > 0 else "critical_speed"
-            both[name] = Quantity(_speed(k.value, base), None, *UNITS[name])
+            both[name] = _quantity(name, _speed(k.value, base))
             if low is not None and high is not None and low * high > 0:
                 ends = sorted(_speed(end, base) for end in (low, high))
                 both[name] = replace(both[name], low=ends[0], high=ends[1])
@@ -132,8 +117,7 @@ class Handling(Shown):
     def table(self) -> ShortTable:
         """The quantities that these runs identify, with their intervals."""
         rows = tuple(
-            (name, plain_number(q.value), f"{plain_number(q.low, 3)} to {plain_number(q.high, 3)}", q.unit)
-            for name, q in self.told.items()
+            (name, plain_number(q.value), ends_words(q.low, q.high), q.unit) for name, q in self.told.items()
         )
         title = f"handling of the {self.model} model at {self.speed:.2f} m/s"
         return ShortTable(title, ("quantity", "value", "interval", "unit"), rows, (self.sentence,))
@@ -182,7 +166,7 @@ def handling(fit: FitResult, speed: float | None = None, error: float = 0.0) -> 
         )
     values = _quantities(structure, v)
     slopes = _slopes(structure, v, values)
-    found = {n: Quantity(x, _bound(slopes[n], fit.covariance), *UNITS[n]) for n, x in values.items()}
+    found = {n: _quantity(n, x, bound=_bound(slopes[n], fit.covariance)) for n, x in values.items()}
     found = {
         n: _with_interval(q, _model_error(n, structure, fit.speed, found, error)) for n, q in found.items()
     }
@@ -287,6 +271,11 @@ def _slopes(structure: ModelStructure, speed: float, values: Mapping[str, float]
         for n, column in columns.items():
             column.append((up.get(n, np.nan) - down.get(n, np.nan)) / (2 * step))
     return {n: np.array(column) for n, column in columns.items()}
+
+
+def _quantity(name: str, value: float, **known: float | None) -> Quantity:
+    unit, meaning = UNITS[name]
+    return Quantity(name, unit, value, meaning=meaning, **known)
 
 
 def _bound(slope: np.ndarray, covariance: np.ndarray | None) -> float | None:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rover_sweep.data.recording import Array, ThrottleRun
-from rover_sweep.data.results import ByName, PlainNumbers
+from rover_sweep.data.results import ByName, Quantity
 from rover_sweep.identification.speed_fit import NORMAL_90, PERIOD, SpeedFit, SpeedNoise, fit_speed, grid_of
 
 # Drag with the throttle at neutral, from the coasting after a sweep, and the dead zone that follows from
@@ -258,18 +258,7 @@ def _judged(
 SHARE = "of full throttle"
 
 
-@dataclass(frozen=True)
-class SpeedParameter(PlainNumbers):
-    """A number of the speed's law: value and 90 % interval (low, high) in `unit`, meaning in words."""
-
-    name: str
-    value: float
-    unit: str
-    interval_90: tuple[float, float]
-    meaning: str
-
-
-def speed_parameters(result: SpeedResult) -> ByName[SpeedParameter]:
+def speed_parameters(result: SpeedResult) -> ByName[Quantity]:
     """gain, lag, delay, offset and drag; with a coasting also coasting_drag and, if certain, dead_zone.
 
     Empty for a result without a law.
@@ -279,23 +268,21 @@ def speed_parameters(result: SpeedResult) -> ByName[SpeedParameter]:
     model, ends, mean = result.fit.model, result.fit.intervals, result.speeds[1]
     drag, drag_ends = driving_drag(result.fit, mean)
     found = [
-        SpeedParameter(
-            "gain", model.gain, "m/s per full throttle", ends["gain"], "steady speed per throttle"
+        Quantity("gain", "m/s per full throttle", model.gain, *ends["gain"], "steady speed per throttle"),
+        Quantity("lag", "s", model.lag, *ends["lag"], "time constant of the speed"),
+        Quantity("delay", "s", model.delay, *ends["delay"], "dead time, with that of the EKF's speed"),
+        Quantity(
+            "offset", SHARE, model.offset, *ends["offset"], "throttle before it moves: dead zone and drag"
         ),
-        SpeedParameter("lag", model.lag, "s", ends["lag"], "time constant of the speed"),
-        SpeedParameter("delay", model.delay, "s", ends["delay"], "dead time, with that of the EKF's speed"),
-        SpeedParameter(
-            "offset", model.offset, SHARE, ends["offset"], "throttle before it moves: dead zone and drag"
-        ),
-        SpeedParameter("drag", drag, "m/s^2", drag_ends, f"of drive and road at {mean:.2f} m/s, driving"),
+        Quantity("drag", "m/s^2", drag, *drag_ends, f"of drive and road at {mean:.2f} m/s, driving"),
     ]
     if (rolled := result.coasting) is not None:
         words = f"slowing at {rolled.speed:.2f} m/s, throttle at neutral"
-        found.append(SpeedParameter("coasting_drag", rolled.deceleration, "m/s^2", rolled.interval, words))
+        found.append(Quantity("coasting_drag", "m/s^2", rolled.deceleration, *rolled.interval, words))
         if rolled.dead_zone is not None and rolled.dead_zone_interval is not None:
             zone, low, high = (max(v, 0.0) for v in (rolled.dead_zone, *rolled.dead_zone_interval))
             words = "dead zone of the motor controller"
-            found.append(SpeedParameter("dead_zone", zone, SHARE, (low, high), words))
+            found.append(Quantity("dead_zone", SHARE, zone, low, high, words))
     return ByName(found)
 
 

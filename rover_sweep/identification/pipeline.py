@@ -14,18 +14,10 @@ from threadpoolctl import threadpool_limits
 from rover_sweep.data.geometry import Geometry
 from rover_sweep.data.plausibility import implausible
 from rover_sweep.data.recording import Recording
-from rover_sweep.data.results import ByName, PlainNumbers, ShortTable, Shown, band_words
+from rover_sweep.data.results import ByName, PlainNumbers, Quantity, ShortTable, Shown, band_words
 from rover_sweep.data.vehicle_file import Vehicle
 from rover_sweep.identification.bootstrap import with_intervals
-from rover_sweep.identification.fit import (
-    Condition,
-    Estimate,
-    FitResult,
-    costs,
-    drawn_starts,
-    fit,
-    has_zero_response,
-)
+from rover_sweep.identification.fit import Condition, FitResult, costs, drawn_starts, fit, has_zero_response
 from rover_sweep.identification.grouping import MODELS, Group, Settings, grouped
 from rover_sweep.identification.handling import Handling, gain_error, handling, has_handling
 from rover_sweep.identification.model_results import (
@@ -218,7 +210,7 @@ class Identification(PlainNumbers, Shown):
     refused: Mapping[str, str]
     recommended: str | None
     summary: tuple[str, ...]
-    numbers: ByName[Estimate] = field(default_factory=ByName)
+    numbers: ByName[Quantity] = field(default_factory=ByName)
 
     def __post_init__(self) -> None:
         super().__post_init__()

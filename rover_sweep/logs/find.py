@@ -23,7 +23,7 @@ from rover_sweep.logs.applet import (
     is_old,
     starts,
 )
-from rover_sweep.logs.log import AppletRows, Array, Log, steering_limits
+from rover_sweep.logs.log import AppletRows, Array, Log, limits_of_steering
 from rover_sweep.logs.readers.csv_table import without_dead_channels
 from rover_sweep.logs.readers.vehicle_clock import at_main_loops
 from rover_sweep.logs.wave import (
@@ -219,7 +219,7 @@ def _recording(log: Log, window: Window, standstill: tuple[Interval, ...], count
         firmware=log.firmware,
         sources=log.sources,
         vehicle=identity(log),
-        limits=steering_limits(log.parameters),
+        limits=limits_of_steering(log.parameters),
     )
 
 

@@ -134,7 +134,7 @@ def output_limits(parameters: Mapping[str, float], channel: int) -> tuple[float,
     return None
 
 
-def steering_limits(parameters: Mapping[str, float]) -> dict[str, float]:
+def limits_of_steering(parameters: Mapping[str, float]) -> dict[str, float]:
     """{parameter: value} that bound the steering: SERVOn_MIN, _MAX, _TRIM and the applet's limits."""
     channel = output_channel(parameters, STEERING) or 1
     found = {name: parameters[name] for name in APPLET_LIMITS if name in parameters}

@@ -8,9 +8,9 @@ from typing import Any
 from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
+from rover_sweep.data.results import number
 from rover_sweep.files.documents import printable_lines
 from rover_sweep.report.charts.static_svg import page_script, page_styles, view_script
-from rover_sweep.report.wording import number
 
 
 @cache

@@ -18,6 +18,7 @@ import numpy as np
 
 from rover_sweep._version import __version__
 from rover_sweep.data.recording import Recording
+from rover_sweep.data.results import number
 from rover_sweep.data.vehicle_file import Vehicle
 from rover_sweep.diagnosis.effects import library
 from rover_sweep.diagnosis.result import Unseen, UpperBound, largest_hidden
@@ -41,18 +42,6 @@ SYMBOLS = {
     "ms": "m_s",
     "V": "V_x",
 }
-
-
-def number(value: float | None, digits: int = 4) -> str:
-    """The value with `digits` significant digits; an exponent only below 1e-4 and from 1e6; – for None."""
-    if value is None or not math.isfinite(value):
-        return "–"
-    if value == 0:
-        return "0"
-    size = math.floor(math.log10(abs(value)))
-    if not -4 <= size <= 5:
-        return f"{value:.{digits - 1}e}"
-    return f"{value:.{max(digits - 1 - size, 0)}f}"
 
 
 def percent(value: float | None) -> str:

@@ -7,9 +7,10 @@ from dataclasses import dataclass
 from math import pi, sqrt
 from typing import Literal
 
+from rover_sweep.data.results import number
 from rover_sweep.identification.handling import handling
 from rover_sweep.identification.verify import Overlay, Verification
-from rover_sweep.report.wording import SHORT_NAMES, number, symbol, unit
+from rover_sweep.report.wording import SHORT_NAMES, symbol, unit
 from rover_sweep.study import published
 from rover_sweep.study.published import MODELS
 from rover_sweep.study.virtual_study import Practice, Study, true_delay

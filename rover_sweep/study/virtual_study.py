@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 from rover_sweep.data.geometry import Geometry
 from rover_sweep.data.recording import LowPass, Recording
+from rover_sweep.data.results import number
 from rover_sweep.identification.acceptance import TITLES
 from rover_sweep.identification.fit import Condition, FitResult, ResponseData, fit
 from rover_sweep.identification.grouping import Group, Settings
@@ -16,7 +17,7 @@ from rover_sweep.identification.state_space import OUTPUTS, ModelStructure
 from rover_sweep.identification.verify import Verification, verify
 from rover_sweep.manoeuvre.sweep import Doublet, Manoeuvre, Sweep
 from rover_sweep.report.identification.comparison import Cell, Table
-from rover_sweep.report.wording import OUTPUT_NAMES, number, percent, symbol, unit
+from rover_sweep.report.wording import OUTPUT_NAMES, percent, symbol, unit
 from rover_sweep.spectra.response import Band, usable_band
 from rover_sweep.study import published
 from rover_sweep.study.published import BANDS, MODELS, SPEED, SWEEP, Firmware, virtual_drive

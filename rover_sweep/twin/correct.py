@@ -12,8 +12,8 @@ from math import inf, isfinite, sqrt
 from typing import Any
 
 from rover_sweep.comparison.answer import Comparison, Correction, Difference, Kind
+from rover_sweep.data.results import Quantity
 from rover_sweep.diagnosis.effects import library
-from rover_sweep.diagnosis.result import EffectValue
 from rover_sweep.diagnosis.simulation.augmented import AugmentedModel
 from rover_sweep.report.comparison.difference_tables import value_text
 from rover_sweep.report.export.plant_variant import ABSENT, BEND_ALIKE, LINEAR_TYRES, plant_effects
@@ -275,7 +275,7 @@ def _resized(entry: Entry, d: Difference) -> Entry:
     return out
 
 
-def _moved(now: float, one: EffectValue, two: EffectValue, form: str) -> float | None:
+def _moved(now: float, one: Quantity, two: Quantity, form: str) -> float | None:
     if form == "inverse":
         inverse = 1.0 / now + _inverse(two) - _inverse(one)
         return 1.0 / inverse if inverse > 0 else None
@@ -283,5 +283,5 @@ def _moved(now: float, one: EffectValue, two: EffectValue, form: str) -> float |
     return new if isfinite(new) else None
 
 
-def _inverse(v: EffectValue) -> float:
+def _inverse(v: Quantity) -> float:
     return 0.0 if v.value >= 1e5 or v.value == inf else 1.0 / v.value

@@ -36,8 +36,7 @@ def test_the_numbers_are_the_plants_and_their_intervals_hold_them(nominal: rs.Re
 def test_understeer_is_that_of_both_axles_together_wherever_it_is_told(nominal: rs.Result) -> None:
     k = nominal.numbers["K_us"]
     assert f"{k.value:.2g} deg/g" in (handling_sentence(nominal) or "")
-    found = replace(nominal.numbers["K_us"], value=2.0)
-    sure = replace(found, interval=replace(found.interval, low=1.0, high=3.0))
+    sure = replace(nominal.numbers["K_us"], value=2.0, low=1.0, high=3.0)
     (handling,) = (h for n, h in nominal.handling.items() if n == "roll-yaw")
     told = handling.with_understeer(sure, 0.391)
     speed = told["characteristic_speed"]

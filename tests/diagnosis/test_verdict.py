@@ -2,7 +2,8 @@
 
 import pytest
 
-from rover_sweep.diagnosis.result import EffectValue, Finding, Fit, HeldOut, Unknown
+from rover_sweep.data.results import Quantity
+from rover_sweep.diagnosis.result import Finding, Fit, HeldOut, Unknown
 from rover_sweep.diagnosis.verdict import remarks_of, sentence_of, verdict_of
 
 UNKNOWN = Unknown("r", "phi", 2.0, "r still differs", "residual of r ~ phi", 0.5)
@@ -11,7 +12,7 @@ UNKNOWN = Unknown("r", "phi", 2.0, "r still differs", "residual of r ~ phi", 0.5
 def finding(*shares: float | None) -> Finding:
     fit = Fit(1.0, 0.1)
     held = tuple(HeldOut(f"run{k + 4}", fit, fit, share) for k, share in enumerate(shares))
-    value = EffectValue("b", "rad", 0.01, 0.009, 0.011)
+    value = Quantity("b", "rad", 0.01, 0.009, 0.011)
     return Finding("steering_backlash", (), (value,), {}, held, "", "backlash, b = .01 rad", "")
 
 

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable
-from types import ModuleType
+from importlib import import_module
 
 import pytest
 from fabricated_engine import Engine, ProgramResult
@@ -19,9 +18,7 @@ def engine(monkeypatch: pytest.MonkeyPatch) -> Engine:
         ("rover_sweep.diagnosis.diagnose", "diagnose", found.diagnose),
         ("rover_sweep.diagnosis.plans.plan", "plan", found.make_plan),
     ):
-        module = ModuleType(name)
-        setattr(module, attribute, function)
-        monkeypatch.setitem(sys.modules, name, module)
+        monkeypatch.setattr(import_module(name), attribute, function)
     return found
 
 

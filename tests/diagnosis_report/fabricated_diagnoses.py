@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from rover_sweep.data.results import Quantity
 from rover_sweep.diagnosis.result import (
     Diagnosis,
-    EffectValue,
     Falsified,
     Finding,
     Fit,
@@ -48,7 +48,7 @@ BEFORE_AFTER = (
 BACKLASH = Finding(
     effect="steering_backlash",
     look_alikes=("steering_deadband",),
-    parameters=(EffectValue("b", "rad", 0.0083, 0.0071, 0.0094, "half the gap of the play"),),
+    parameters=(Quantity("b", "rad", 0.0083, 0.0071, 0.0094, "half the gap of the play"),),
     evidence={"gain": 412.0, "threshold": 21.4, "probability:steering_deadband": 0.31},
     held_out=BEFORE_AFTER,
     next_run="a servo test on blocks: 40 us at 0.5 rad/s, wheels off the ground",
@@ -58,7 +58,7 @@ BACKLASH = Finding(
 RELAXATION = Finding(
     effect="tyre_relaxation",
     look_alikes=(),
-    parameters=(EffectValue("sigma", "m", 0.31, 0.24, None, "relaxation length, both axles"),),
+    parameters=(Quantity("sigma", "m", 0.31, 0.24, None, "relaxation length, both axles"),),
     evidence={"gain": 55.0, "threshold": 18.0},
     held_out=(HeldOut("run4", Fit(1.12, 0.058), Fit(1.01, 0.055), 0.12),),
     next_run="",
@@ -110,9 +110,9 @@ EXPLAINED = Diagnosis(
     cannot_see=UNSEEN,
     falsified=(Falsified("Izz", "kg m^2", 0.0921, 0.0702), Falsified("tau", "s", 0.071, 0.031)),
     parameters=(
-        EffectValue("C", "N/rad", 39.2, 38.1, 40.3, "cornering stiffness of an axle"),
-        EffectValue("Izz", "kg m^2", 0.0702, 0.0681, 0.0725, "yaw inertia"),
-        EffectValue("b", "rad", 0.0083, 0.0071, 0.0094, "half the gap of the play"),
+        Quantity("C", "N/rad", 39.2, 38.1, 40.3, "cornering stiffness of an axle"),
+        Quantity("Izz", "kg m^2", 0.0702, 0.0681, 0.0725, "yaw inertia"),
+        Quantity("b", "rad", 0.0083, 0.0071, 0.0094, "half the gap of the play"),
     ),
     scores=SCORES,
     overlays=OVERLAYS,

@@ -26,7 +26,7 @@ def test_it_shows_itself_as_a_table(engine: Engine, runs: rs.Runs) -> None:
     found = rs.diagnose(runs, baseline="bicycle", only="steering_backlash")
     text = repr(found)
     assert text.startswith("partly explained: play in the steering")
-    assert "0.0071 .. 0.0094" in text and "steering_deadband" in text and "87 %" in text
+    assert "0.00710 to 0.00940" in text and "steering_deadband" in text and "87 %" in text
     assert "unknown in p" in text and "<table>" in found._repr_html_()
     assert engine.given["settings"].baseline == "bicycle"
     assert engine.given["settings"].with_effects == ("steering_backlash",)

@@ -22,8 +22,8 @@ ROOMS: dict[str, set[str]] = {
     "data": {"files"},
     "manoeuvre": {"firmware_params"},
     "spectra": {"data", "manoeuvre"},
-    "quality": {"data", "spectra"},
     "design": {"data", "manoeuvre", "spectra", "firmware_params"},
+    "quality": {"data", "design", "spectra"},
     "logs": {"data", "files", "quality"},
     "identification": {"data", "files", "quality", "spectra"},
     "diagnosis": {"data", "identification", "manoeuvre", "quality", "spectra"},
@@ -51,7 +51,6 @@ ROOMS: dict[str, set[str]] = {
     "study": {"data", "files", "identification", "logs", "manoeuvre", "report", "sitl", "spectra"},
     "live": {
         "data",
-        "design",
         "files",
         "firmware_params",
         "logs",

@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 from rich.console import Console
 
+from rover_sweep.data.results import number
 from rover_sweep.report.identification.comparison import (
     Table,
     coherence_table,
@@ -32,7 +33,7 @@ from rover_sweep.report.identification.terminal import (
     short_answer,
     to_do,
 )
-from rover_sweep.report.wording import band, change, number, percent, symbol
+from rover_sweep.report.wording import band, change, percent, symbol
 
 
 def rows(table: Table | None) -> dict[str, list[str]]:
@@ -188,9 +189,10 @@ def test_what_to_do_first_names_runs_to_repeat_refusals_and_missing_verification
     assert to_do(nominal.result, replace(nominal.provenance, verify_runs=())) == to_do(*nominal) + (
         "there is no run for verification: drive a doublet and give it with --verify",
     )
-    poor = replace(nominal.result.coherence[0], keep=False, sentence="repeat with 4.0 times the amplitude")
+    sentence = "repeat with 4.0 times the amplitude"
+    poor = replace(nominal.result.coherence[0], advice="repeat", sentence=sentence)
     told = to_do(replace(nominal.result, coherence=(poor,)), nominal.provenance)
-    assert told[0] == "run1: repeat with 4.0 times the amplitude"
+    assert told[0] == f"run1: {sentence}"
     assert any("roll rate does not follow" in text for text in to_do(*stock))
 
 

@@ -9,8 +9,8 @@ from typing import Any
 
 import pytest
 
+from rover_sweep.data.results import number
 from rover_sweep.report.identification.page import page
-from rover_sweep.report.wording import number
 
 
 class Elements(HTMLParser):

@@ -9,7 +9,7 @@ import pytest
 
 from rover_sweep.comparison.answer import Comparison, Difference
 from rover_sweep.data.geometry import Geometry
-from rover_sweep.diagnosis.result import EffectValue
+from rover_sweep.data.results import Quantity
 from rover_sweep.diagnosis.simulation.augmented import AugmentedModel
 from rover_sweep.twin.correct import corrected
 from rover_sweep.twin.loop import variant_with_reasons
@@ -19,8 +19,8 @@ NOMINAL = load_variant("nominal")
 ROVER = Geometry(mass=2.66, a=0.203, b=0.188, yaw_inertia=0.07)
 
 
-def _value(name: str, value: float) -> EffectValue:
-    return EffectValue(name, "", value, 0.9 * value, 1.1 * value)
+def _value(name: str, value: float) -> Quantity:
+    return Quantity(name, "", value, 0.9 * value, 1.1 * value)
 
 
 def _difference(name: str, simulation: float, recordings: float, **more) -> Difference:

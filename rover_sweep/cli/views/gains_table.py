@@ -5,8 +5,10 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
+from rover_sweep.data.results import Quantity
 from rover_sweep.gains.proposal import AssessedGains, Proposal, SteeringLimits
 from rover_sweep.gains.speed_proposal import AssessedSpeed, SpeedProposal
+from rover_sweep.identification.fit import Estimate
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -223,16 +225,18 @@ _PHYSICAL = ("roll-yaw", "bicycle")  # models with physical parameters, whose tr
 
 def truth_table(result: Identification, rover: PlantParameters) -> ReportTable | None:
     """True and identified numbers, else the recommended physical model's parameters; None without any."""
+    from rover_sweep.data.results import number
     from rover_sweep.identification.acceptance import TITLES, usable
     from rover_sweep.report.identification.comparison import Cell, Table
-    from rover_sweep.report.wording import change, number, symbol, unit
+    from rover_sweep.report.wording import change, symbol, unit
 
     models = usable(result)
     name = next((n for n in (result.recommended, *_PHYSICAL) if n in models and n in _PHYSICAL), None)
     if name is None:
         return None
     true = truth(rover)
-    found = tuple(result.numbers) or tuple(e for e in models[name].fit.estimates if e.free)
+    found: tuple[Estimate | Quantity, ...] = tuple(result.numbers)
+    found = found or tuple(e for e in models[name].fit.estimates if e.free)
     rows = tuple(
         (
             Cell(symbol(e.name)),

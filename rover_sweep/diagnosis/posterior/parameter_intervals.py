@@ -21,12 +21,13 @@ from scipy.special import ndtr, ndtri
 from rover_sweep.data.geometry import GRAVITY, Geometry, Tolerances
 from rover_sweep.data.plausibility import implausible
 from rover_sweep.data.recording import Array, Recording
+from rover_sweep.data.results import Quantity
 from rover_sweep.diagnosis.effects import Effect
 from rover_sweep.diagnosis.posterior.model_fit import ModelFit, model_fit
 from rover_sweep.diagnosis.problem.least_squares import COARSE, Fitted, fit, prior_information, sensitivities
 from rover_sweep.diagnosis.problem.noise_floor import has_floor
 from rover_sweep.diagnosis.problem.residuals import Problem
-from rover_sweep.diagnosis.result import Baseline, EffectValue
+from rover_sweep.diagnosis.result import Baseline
 from rover_sweep.diagnosis.simulation.candidates import Model, physical_numbers
 from rover_sweep.diagnosis.simulation.experiment import experiment, in_order
 
@@ -101,13 +102,13 @@ def _scores(problem: Problem, fitted: Fitted) -> Array:
     return np.array(out)
 
 
-def effect_values(effect: Effect, last: ModelFit, drawn: list[dict[str, float]]) -> tuple[EffectValue, ...]:
+def effect_values(effect: Effect, last: ModelFit, drawn: list[dict[str, float]]) -> tuple[Quantity, ...]:
     """The reported parameters of an effect with their intervals."""
     out, drawn = [], _with_doubt(effect, drawn)
     for name, (value, unit, meaning) in effect.reported(last.fitted.x).items():
         low, high = _interval(drawn, lambda x, n=name: effect.reported(x)[n][0])  # type: ignore[misc]
         begin = _begin(last) if effect.in_one_run and name == "t" else 0.0
-        found = EffectValue(name, unit, value + begin, _number(low + begin), _number(high + begin), meaning)
+        found = Quantity(name, unit, value + begin, _number(low + begin), _number(high + begin), meaning)
         out.append(found if np.isfinite(value) else _unbounded(found))
     return tuple(out)
 
@@ -164,9 +165,9 @@ def _number(x: float) -> float | None:
     return float(x) if np.isfinite(x) and abs(x) < UNBOUNDED else None
 
 
-def _unbounded(v: EffectValue) -> EffectValue:
+def _unbounded(v: Quantity) -> Quantity:
     """A limit or cut-off that the data do not show: only its lower bound is known."""
-    return EffectValue(v.name, v.unit, UNBOUNDED, v.low, None, f"{v.meaning}; not visible in these data")
+    return Quantity(v.name, v.unit, UNBOUNDED, v.low, None, f"{v.meaning}; not visible in these data")
 
 
 # The rover's numbers from the posterior of a fitted model: medians and 90 % intervals of its draws.
@@ -201,7 +202,7 @@ def fitted_baseline(
     return model_fit(used, model, {})
 
 
-def rover_numbers(last: ModelFit, seed: int) -> tuple[EffectValue, ...]:
+def rover_numbers(last: ModelFit, seed: int) -> tuple[Quantity, ...]:
     """The physical parameters of a fitted model, with 90 % intervals.
 
     Of a model with tyres: Cf, Cr, K_us, I_zz, of roll k_phi and b_phi, and tau. Of others its own parameters.
@@ -247,6 +248,6 @@ def _numbers(x: Mapping[str, float], rover: Geometry) -> dict[str, float]:
     }
 
 
-def _value(name: str, unit: str, meaning: str, values: Sequence[float]) -> EffectValue:
+def _value(name: str, unit: str, meaning: str, values: Sequence[float]) -> Quantity:
     low, middle, high = np.percentile(values, (LEVEL[0], 50.0, LEVEL[1]))
-    return EffectValue(name, unit, float(middle), float(low), float(high), meaning)
+    return Quantity(name, unit, float(middle), float(low), float(high), meaning)

@@ -24,13 +24,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rover_sweep.data.recording import Array
-from rover_sweep.data.results import ByName
+from rover_sweep.data.results import ByName, Quantity
 from rover_sweep.diagnosis.effects import library
 from rover_sweep.diagnosis.held_out import FittedModel, HeldOutRun, fit_of
 from rover_sweep.diagnosis.posterior.infer import SURE
 from rover_sweep.diagnosis.posterior.weights import FIRST, SPAN, WIDTH
 from rover_sweep.diagnosis.problem.least_squares import COARSE
-from rover_sweep.diagnosis.result import EffectValue, Finding, HeldOut, Unknown
+from rover_sweep.diagnosis.result import Finding, HeldOut, Unknown
 from rover_sweep.diagnosis.simulation.experiment import RATE, Experiment, smoothed
 from rover_sweep.diagnosis.simulation.kernel import summed_with_loss
 from rover_sweep.diagnosis.simulation.simulator import motion
@@ -226,7 +226,7 @@ def speed_finding(found: SpeedLoss, whole: FittedModel, unused: Sequence[HeldOut
     """The loss as a finding. whole: the model with all other effects; unused: the held-out runs."""
     effect = library()[ID]
     unit, meaning = effect.parameters[0].unit, effect.parameters[0].convention
-    value = EffectValue("D", unit, found.loss, found.low, found.high, meaning)
+    value = Quantity("D", unit, found.loss, found.low, found.high, meaning)
     without, with_it = (
         AtPredictedSpeed(whole.model, whole.x, loss=d, lag=found.lag) for d in (0.0, found.loss)
     )

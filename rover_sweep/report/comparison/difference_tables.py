@@ -8,11 +8,12 @@ from rich.console import Group, RenderableType
 from rich.text import Text
 
 from rover_sweep.comparison.answer import Agreement, Comparison, Correction, Difference, Kind, Twin, TwinDrive
-from rover_sweep.diagnosis.result import EffectValue, Mismatch
-from rover_sweep.report.diagnosis.tables import PLAINLY, interval_text
+from rover_sweep.data.results import Quantity, ends_words, number
+from rover_sweep.diagnosis.result import Mismatch
+from rover_sweep.report.diagnosis.tables import PLAINLY
 from rover_sweep.report.identification.comparison import Cell, Table, Tone
 from rover_sweep.report.identification.terminal import Sentence, rich_table
-from rover_sweep.report.wording import band, channel, number, range_words, sentence, symbol, unit
+from rover_sweep.report.wording import band, channel, range_words, sentence, symbol, unit
 
 KINDS: dict[Kind, str] = {
     "instrument": "instrument",
@@ -68,14 +69,14 @@ def difference_table(found: Sequence[Difference], heading: str) -> Table:
     return Table(heading, headings, tuple(rows), text_columns=3)
 
 
-def value_text(v: EffectValue) -> str:
+def value_text(v: Quantity) -> str:
     """The value with its interval; "none" for a limit that does not exist."""
     if abs(v.value) >= 1e5:
         return "none"
-    return f"{number(v.value, 3)} ({interval_text(v)})"
+    return f"{number(v.value, 3)} ({ends_words(v.low, v.high)})"
 
 
-def _plain(v: EffectValue) -> str:
+def _plain(v: Quantity) -> str:
     return "none" if abs(v.value) >= 1e5 else number(v.value, 3)
 
 

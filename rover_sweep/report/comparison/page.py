@@ -9,7 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from rover_sweep.comparison.answer import Bode, Comparison, Difference, Twin
-from rover_sweep.diagnosis.result import EffectValue, TimeHistory, UpperBound
+from rover_sweep.data.results import Quantity
+from rover_sweep.diagnosis.result import TimeHistory, UpperBound
 from rover_sweep.files.replaced import write_file
 from rover_sweep.report.charts.response_charts import bode_chart, overlay_chart
 from rover_sweep.report.charts.static_svg import ShownChart, by_section
@@ -243,7 +244,7 @@ def _difference(d: Difference) -> dict[str, Any]:
     }
 
 
-def _value(v: EffectValue) -> dict[str, Any]:
+def _value(v: Quantity) -> dict[str, Any]:
     return {"value": v.value, "unit": v.unit, "low": v.low, "high": v.high, "meaning": v.meaning}
 
 

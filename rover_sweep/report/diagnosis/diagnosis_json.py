@@ -8,10 +8,9 @@ from pathlib import Path
 from typing import Any, Literal
 
 from rover_sweep.data.recording import Recording
-from rover_sweep.data.results import ByName
+from rover_sweep.data.results import ByName, Quantity
 from rover_sweep.diagnosis.result import (
     Diagnosis,
-    EffectValue,
     Falsified,
     Finding,
     Fit,
@@ -162,7 +161,7 @@ def _finding(f: Finding, overlays: Sequence[TimeHistory]) -> dict[str, Any]:
     }
 
 
-def _value(v: EffectValue) -> dict[str, Any]:
+def _value(v: Quantity) -> dict[str, Any]:
     return {"value": v.value, "unit": v.unit, "low": v.low, "high": v.high, "meaning": v.meaning}
 
 
@@ -313,10 +312,9 @@ def _finding_from(f: Mapping[str, Any]) -> Finding:
     )
 
 
-def _values(values: Mapping[str, Mapping[str, Any]]) -> ByName[EffectValue]:
+def _values(values: Mapping[str, Mapping[str, Any]]) -> ByName[Quantity]:
     return ByName(
-        EffectValue(name, v["unit"], v["value"], v["low"], v["high"], v["meaning"])
-        for name, v in values.items()
+        Quantity(name, v["unit"], v["value"], v["low"], v["high"], v["meaning"]) for name, v in values.items()
     )
 
 

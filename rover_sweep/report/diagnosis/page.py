@@ -12,6 +12,7 @@ from rich.console import Group, RenderableType
 from rich.text import Text
 
 from rover_sweep.data.recording import grouped_warnings
+from rover_sweep.data.results import number
 from rover_sweep.diagnosis.plans.planner import NAMES, DetectableSize, Plan, PlannedRun, SimilarPair
 from rover_sweep.diagnosis.result import Diagnosis, Finding, TimeHistory
 from rover_sweep.diagnosis.verdict import importance_words
@@ -42,7 +43,7 @@ from rover_sweep.report.pictures.frequency_response import scores
 from rover_sweep.report.pictures.overlay import drawable, law_curves, mismatch, overlay_figure
 from rover_sweep.report.pictures.picture import Picture
 from rover_sweep.report.templates import environment
-from rover_sweep.report.wording import channel, hiding_words, number, plain, sentence, strict_json, unit
+from rover_sweep.report.wording import channel, hiding_words, plain, sentence, strict_json, unit
 
 # The pictures of a diagnosis and their captions.
 

@@ -8,7 +8,8 @@ from rich.console import Group, RenderableType
 from rich.text import Text
 
 from rover_sweep.data.braille import braille_lines
-from rover_sweep.diagnosis.result import Diagnosis, EffectValue, Finding, HeldOut, LawCurve, Unknown
+from rover_sweep.data.results import Quantity, ends_words, number
+from rover_sweep.diagnosis.result import Diagnosis, Finding, HeldOut, LawCurve, Unknown
 from rover_sweep.diagnosis.verdict import importance_words
 from rover_sweep.report.identification.comparison import Cell, Table, Tone
 from rover_sweep.report.identification.terminal import Sentence, rich_table
@@ -19,7 +20,6 @@ from rover_sweep.report.wording import (
     change,
     channel,
     hiding_words,
-    number,
     range_words,
     sentence,
     symbol,
@@ -58,34 +58,25 @@ def _size(ratio: float) -> Cell:
     return Cell(f"{number(ratio, 2)} ×", "strong" if ratio > PLAINLY else "")
 
 
-def value_table(values: Sequence[EffectValue], heading: str, words: bool = True) -> Table:
+def value_table(values: Sequence[Quantity], heading: str, words: bool = True) -> Table:
     """Parameter, meaning, value, 90 % interval, unit. words: include the meaning."""
     columns = ("", "", "value", "90 % interval", "unit") if words else ("", "value", "90 % interval", "unit")
     rows = tuple(_value_row(v, words) for v in values)
     return Table(heading, columns, rows, text_columns=2 if words else 1)
 
 
-def _value_row(v: EffectValue, words: bool) -> tuple[Cell, ...]:
+def _value_row(v: Quantity, words: bool) -> tuple[Cell, ...]:
     name, *numbers = _value_cells(v)
     return (name, Cell(v.meaning), *numbers) if words else (name, *numbers)
 
 
-def _value_cells(v: EffectValue) -> tuple[Cell, ...]:
+def _value_cells(v: Quantity) -> tuple[Cell, ...]:
     return (
         Cell(symbol(v.name)),
         Cell(number(v.value, 3), "strong"),
-        Cell(interval_text(v)),
+        Cell(ends_words(v.low, v.high)),
         Cell(unit(v.unit)),
     )
-
-
-def interval_text(v: EffectValue) -> str:
-    """The interval as text; open at an end that was not found."""
-    if v.low is None and v.high is None:
-        return "–"
-    if v.high is None:
-        return f"from {number(v.low, 3)}"
-    return f"{number(v.low, 3)} to {number(v.high, 3)}" if v.low is not None else f"to {number(v.high, 3)}"
 
 
 def finding_table(found: Diagnosis) -> Table:

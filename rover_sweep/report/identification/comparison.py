@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
+from rover_sweep.data.results import ends_words, number
 from rover_sweep.identification.acceptance import TITLES, inertia_of, judged_runs, ordered, rejection, usable
 from rover_sweep.identification.fit import Estimate, FitResult
 from rover_sweep.identification.pipeline import Identification, ModelResult
@@ -29,7 +30,6 @@ from rover_sweep.report.wording import (
     ShownUnits,
     band,
     change,
-    number,
     percent,
     symbol,
     unit,
@@ -85,7 +85,7 @@ def numbers_table(result: Identification) -> Table | None:
             Cell(e.meaning),
             Cell(number(e.value, 3), "strong"),
             Cell(unit(e.unit)),
-            Cell(_interval(e, 3)),
+            Cell(ends_words(e.low, e.high)),
             Cell(number(fitted.get(e.name), 3), "muted"),
         )
         for e in result.numbers
@@ -141,10 +141,8 @@ def _free_row(e: Estimate, reason: str | None) -> tuple[Cell, ...]:
     )
 
 
-def _interval(e: Estimate, digits: int = 4) -> str:
-    if e.interval is None:
-        return "free"
-    return f"{number(e.interval.low, digits)} … {number(e.interval.high, digits)}"
+def _interval(e: Estimate) -> str:
+    return "free" if e.interval is None else ends_words(e.interval.low, e.interval.high, 4)
 
 
 def _fixed_row(e: Estimate) -> tuple[Cell, ...]:

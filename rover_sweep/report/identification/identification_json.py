@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from rover_sweep.data.recording import Recording
-from rover_sweep.data.results import Intervals
+from rover_sweep.data.results import Intervals, Quantity
 from rover_sweep.data.vehicle_rules import LARGEST_OF_STEERING
 from rover_sweep.identification.acceptance import inertia_of, judged_runs, ordered, rejection
 from rover_sweep.identification.fit import Estimate, FitResult
@@ -195,7 +195,7 @@ def identification_document(result: Identification, provenance: Provenance) -> d
     )
 
 
-def number_document(e: Estimate) -> dict[str, Any]:
+def number_document(e: Quantity) -> dict[str, Any]:
     """{value, unit, interval_90, meaning} of a number of the rover."""
     return {"value": e.value, "unit": e.unit, "interval_90": e.interval_90, "meaning": e.meaning}
 

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from rover_sweep.data.recording import Recording
+from rover_sweep.data.results import number
 from rover_sweep.files.replaced import remove_file, write_file
 from rover_sweep.identification.acceptance import (
     TITLES,
@@ -53,7 +54,7 @@ from rover_sweep.report.identification.terminal import (
     to_do,
 )
 from rover_sweep.report.templates import environment
-from rover_sweep.report.wording import SHORT_NAMES, SI, Provenance, ShownUnits, number, strict_json
+from rover_sweep.report.wording import SHORT_NAMES, SI, Provenance, ShownUnits, strict_json
 
 
 def page(

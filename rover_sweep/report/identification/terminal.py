@@ -12,9 +12,10 @@ from rich.table import Table as RichTable
 from rich.text import Text
 
 from rover_sweep.data.recording import Note, Recording, grouped_warnings
+from rover_sweep.data.results import Quantity, ends_words, number
 from rover_sweep.identification.acceptance import TITLES, identified_runs, known_filters, ordered, usable
 from rover_sweep.identification.fit import Estimate, FitResult
-from rover_sweep.identification.handling import UNITS, Handling, Quantity, warnings
+from rover_sweep.identification.handling import UNITS, Handling, warnings
 from rover_sweep.identification.model_results import UNTIED, ModelResult
 from rover_sweep.identification.pipeline import Identification
 from rover_sweep.identification.verdicts import J_ACCEPTABLE, J_GOOD
@@ -31,7 +32,7 @@ from rover_sweep.report.identification.comparison import (
     reduction_table,
     verification_tables,
 )
-from rover_sweep.report.wording import SHORT_NAMES, SI, Provenance, ShownUnits, number, percent, symbol, unit
+from rover_sweep.report.wording import SHORT_NAMES, SI, Provenance, ShownUnits, percent, symbol, unit
 
 # Handling quantities as a table, as warnings and for identification.json.
 
@@ -192,18 +193,18 @@ def finding(result: Identification) -> str | None:
     model = result.models.get(result.recommended or "")
     if model is None:
         return None
-    free = result.numbers or [e for e in model.fit.estimates if e.free]
+    free: Sequence[Estimate | Quantity] = [*result.numbers] or [e for e in model.fit.estimates if e.free]
     words = [f"{symbol(e.name)} {number(e.value, 3)} {unit(e.unit)} ({_uncertainty(e)})" for e in free]
     text = f"At {model.fit.speed:.2f} m/s: " + ", ".join(words)
     unseen = prediction_sentence(result)
     return f"{text}; {unseen}" if unseen else f"{text}."
 
 
-def _uncertainty(e: Estimate) -> str:
+def _uncertainty(e: Estimate | Quantity) -> str:
     """The 90 % interval; the Cramer-Rao bound where none was computed."""
-    if e.interval is None:
-        return f"CR {percent(e.cr_percent)} %"
-    return f"90 %: {number(e.interval.low, 3)} to {number(e.interval.high, 3)}"
+    if e.interval_90 is None:
+        return f"CR {percent(e.cr_percent)} %" if isinstance(e, Estimate) else ""
+    return f"90 %: {ends_words(*e.interval_90)}"
 
 
 def prediction_sentence(result: Identification) -> str | None:

@@ -18,6 +18,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from rich.console import Console
 
+from rover_sweep.data.results import number
 from rover_sweep.errors import missing_extra
 from rover_sweep.files.replaced import write_file
 from rover_sweep.report.charts.response_charts import changed_first, season_chart
@@ -25,7 +26,7 @@ from rover_sweep.report.charts.static_svg import ShownChart, by_section, chart_j
 from rover_sweep.report.identification.comparison import Cell, Table
 from rover_sweep.report.pictures.picture import BAND, DATA, WIDTH, Picture
 from rover_sweep.report.templates import environment
-from rover_sweep.report.wording import number, sentence, strict_json, symbol, unit, versions
+from rover_sweep.report.wording import sentence, strict_json, symbol, unit, versions
 from rover_sweep.season.season_result import (
     Drift,
     MeasuredLog,

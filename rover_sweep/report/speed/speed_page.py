@@ -7,12 +7,12 @@ from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
 
+from rover_sweep.data.results import Quantity, ends_words, number
 from rover_sweep.gains.proposal import SteeringLimits
 from rover_sweep.gains.speed_proposal import AssessedSpeed, SpeedProposal
 from rover_sweep.identification.identify_speed import (
     SHARE,
     Coasting,
-    SpeedParameter,
     SpeedResult,
     driving_drag,
     speed_parameters,
@@ -26,7 +26,7 @@ from rover_sweep.report.charts.response_charts import (
 from rover_sweep.report.charts.static_svg import by_section, shown_chart
 from rover_sweep.report.identification.comparison import Cell, Table
 from rover_sweep.report.templates import environment
-from rover_sweep.report.wording import number, sentence, unit, versions
+from rover_sweep.report.wording import sentence, unit, versions
 
 # The response of the speed to the throttle as plain data, for speed.json.
 
@@ -112,14 +112,14 @@ def speed_parameter_table(result: SpeedResult) -> Table | None:
     return Table("Response of the speed to the throttle", headings, rows, f"{share} {note}".strip(), 2)
 
 
-def _parameter(p: SpeedParameter) -> tuple[Cell, ...]:
+def _parameter(p: Quantity) -> tuple[Cell, ...]:
     scale, shown = {SHARE: (100.0, "% throttle"), "s": (1.0, "s")}.get(p.unit, (1.0, unit(p.unit)))
     scale, shown = (1000.0, "ms") if p.name == "delay" else (scale, shown)
-    low, high = (number(scale * end, 3) for end in p.interval_90)
+    low, high = (None if end is None else scale * end for end in (p.low, p.high))
     value = Cell(number(scale * p.value, 3), "strong")
     words = Cell(f"{p.meaning}, {shown}")
     name = "coasting" if p.name == "coasting_drag" else p.name.replace("_", " ")  # short, for a phone
-    return Cell(name, "strong"), words, value, Cell(f"{low}…{high}")
+    return Cell(name, "strong"), words, value, Cell(ends_words(low, high))
 
 
 def speed_gains_table(
