@@ -39,9 +39,9 @@ def identified(name: str, seed: int) -> tuple[str, Row]:
         return found.summary[-1], {}
     true = true_numbers(rover)
     rows = {
-        n.name: (true[n.name], n.value, n.interval.low, n.interval.high)
+        n.name: (true[n.name], n.value, n.low, n.high)
         for n in found.numbers
-        if n.name in true and n.interval
+        if n.name in true
     }
     return found.recommended or "", rows
 
