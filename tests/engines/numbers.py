@@ -39,9 +39,9 @@ def identified(name: str, seed: int) -> tuple[str, Row]:
         return found.summary[-1], {}
     true = true_numbers(rover)
     rows = {
-        n.name: (true[n.name], n.value, n.low, n.high)
+        n.name: (true[n.name], n.value, *n.interval_90)
         for n in found.numbers
-        if n.name in true
+        if n.name in true and n.interval_90
     }
     return found.recommended or "", rows
 
