@@ -169,7 +169,7 @@ WRONG: list[tuple[tuple[str, ...], object, str]] = [
     (("coordinates", "ln_Izz"), float("nan"), "NaN is not a JSON number"),
     (("known", "mass"), -1e9, "known mass = -1e+09 is not"),
     (("known", "sprung_mass"), 0.0, "known sprung_mass = 0 must be above 0"),
-    (("known", "h"), "high", "known h = 'high' is not a number"),
+    (("known", "h"), "high", "h: 'high' is not a number"),
     (("known", "h"), float("inf"), "Infinity is not a JSON number"),
     (("speed_m_s",), -2.0, "speed_m_s = -2 must be above 0"),
     (("steering", "rad_per_us"), 1e9, "rad_per_us = 1e+09 is not"),

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, fields
+from dataclasses import fields
 from typing import Any
 
+from rover_sweep.data.codec import decoded, encoded
 from rover_sweep.data.geometry import Geometry
 from rover_sweep.data.recording import LowPass
 from rover_sweep.diagnosis.result import BASELINES
@@ -27,7 +28,7 @@ def augmented_document(model: AugmentedModel) -> dict[str, Any]:
         "effects": model.effects,
         "numbers": model.numbers,
         "coordinates": model.x,
-        "known": asdict(model.rover),
+        "known": encoded(model.rover),
         "speed_m_s": model.speed,
         "filters": {c: {"cutoff_hz": f.cutoff_hz, "source": f.source} for c, f in model.filters.items()},
         "steering": {"trim_us": model.steering[0], "rad_per_us": model.steering[1]}
@@ -36,7 +37,7 @@ def augmented_document(model: AugmentedModel) -> dict[str, Any]:
         "wait_s": model.wait,
         "happened_in": model.happened_in or None,
         "happened_at_s": model.happened_at,
-        "laws": [asdict(law) for law in model.laws],
+        "laws": encoded(model.laws),
         "happened_order": model.happened_order,
     }
 
@@ -50,12 +51,11 @@ def augmented_from(document: Mapping[str, Any]) -> AugmentedModel:
         if effect not in every_form():
             raise ValueError(f"there is no effect {effect!r}")
     steering = document["steering"]
-    known: dict[str, Any] = {f.name: document["known"][f.name] for f in fields(Geometry)}
     model = AugmentedModel(
         baseline=str(document["baseline"]),
-        rover=Geometry(**{**known, "free": tuple(known["free"])}),
+        rover=decoded(document["known"], Geometry),
         effects=effects,
-        x={str(name): float(value) for name, value in document["coordinates"].items()},
+        x=decoded(document["coordinates"], dict[str, float]),
         speed=float(document["speed_m_s"]),
         filters={c: LowPass(f["cutoff_hz"], f["source"]) for c, f in document["filters"].items()},
         steering=(float(steering["trim_us"]), float(steering["rad_per_us"])) if steering else None,
@@ -69,11 +69,9 @@ def augmented_from(document: Mapping[str, Any]) -> AugmentedModel:
     return model
 
 
-def law_from(document: Mapping[str, Any]) -> TableLaw:
+def law_from(document: Any) -> TableLaw:
     """A law from its document; KeyError, TypeError or ValueError for an invalid one."""
-    numbers = [tuple(float(v) for v in document[name]) for name in ("x", "y")]
-    size, damping = float(document["size"]), float(document.get("damping", 0.0))
-    law = TableLaw(**{**document, "x": numbers[0], "y": numbers[1], "size": size, "damping": damping})
+    law = decoded(document, TableLaw)
     refuse_law(law)
     return law
 
