@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from rover_sweep.data.recording import Array
-from rover_sweep.data.results import Quantity, ShortTable, Shown, plain_number
+from rover_sweep.data.results import ByName, Quantity, ShortTable, Shown, ends_words, plain_number
 from rover_sweep.diagnosis.effects import library
 from rover_sweep.diagnosis.result import Mismatch, TimeHistory, UpperBound
 from rover_sweep.spectra.windowed import Complex
@@ -30,8 +30,8 @@ class Difference:
 
     kind: Kind
     name: str
-    simulation: tuple[Quantity, ...]
-    recordings: tuple[Quantity, ...]
+    simulation: ByName[Quantity]
+    recordings: ByName[Quantity]
     change: Mapping[str, float]
     relative: bool
     gain: float
@@ -115,7 +115,7 @@ class Comparison(Shown):
                 kind = d.kind if d in self.differences else "within tolerance"
                 first = (d.name, kind) if k == 0 else ("", "")
                 values = (plain_number(one.value, 3), plain_number(two.value, 3))
-                interval = f"{plain_number(two.low, 3)} .. {plain_number(two.high, 3)}"
+                interval = ends_words(two.low, two.high)
                 rows.append((*first, one.name, *values, interval, two.unit))
         runs = ", ".join(f"{a.run} {a.overall:.2f}" for a in self.agreement)
         notes = [f"difference over the noise of both: {runs}", *(i.sentence for i in self.instruments)]

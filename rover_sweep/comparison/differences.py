@@ -16,7 +16,7 @@ import numpy as np
 from rover_sweep.comparison.answer import Difference, Kind, difference_sentence
 from rover_sweep.comparison.common_model import PENALTY, Chosen, FittedSide, Subsets, fewest
 from rover_sweep.data.recording import Array
-from rover_sweep.data.results import Quantity
+from rover_sweep.data.results import ByName, Quantity
 from rover_sweep.diagnosis.effects import Effect
 from rover_sweep.diagnosis.effects.effect import DegreeOfFreedom, FilterEffect, NominalEffect, SensorEffect
 from rover_sweep.diagnosis.search import material_sizes
@@ -302,14 +302,14 @@ def _look_alikes(found: Found, k: int, rest: Chosen, gain: float) -> tuple[str, 
     return tuple(found.candidates[j].name for j in near)
 
 
-def _values(q: Comparable, side: Sequence[Values]) -> tuple[Quantity, ...]:
+def _values(q: Comparable, side: Sequence[Values]) -> ByName[Quantity]:
     centre, *drawn = side
     reports = [q.report(x) for x in drawn]
     out = []
     for name, (value, unit, meaning) in q.report(centre).items():
         low, high = np.percentile([min(max(r[name][0], -1e12), 1e12) for r in reports], LEVEL)
         out.append(Quantity(name, unit, min(value, UNBOUNDED), _limit(low), _limit(high), meaning))
-    return tuple(out)
+    return ByName(out)
 
 
 def _limit(x: float) -> float | None:

@@ -9,6 +9,7 @@ from typing import Literal
 
 import numpy as np
 
+from rover_sweep.data.codec import in_json
 from rover_sweep.data.geometry import Tolerances
 from rover_sweep.data.recording import Array
 from rover_sweep.data.results import ByName, PlainNumbers, Quantity, ShortTable, Shown
@@ -47,6 +48,10 @@ class Mismatch(PlainNumbers):
     residual_over_noise: float
     sentence: str
     profile: Profile | None = None
+
+
+in_json(Profile, ratio="residual_over_noise")
+in_json(Mismatch, sparse=("profile",), band="band_rad_s")
 
 
 @dataclass(frozen=True)

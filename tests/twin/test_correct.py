@@ -9,7 +9,7 @@ import pytest
 
 from rover_sweep.comparison.answer import Comparison, Difference
 from rover_sweep.data.geometry import Geometry
-from rover_sweep.data.results import Quantity
+from rover_sweep.data.results import ByName, Quantity
 from rover_sweep.diagnosis.simulation.augmented import AugmentedModel
 from rover_sweep.twin.correct import corrected
 from rover_sweep.twin.loop import variant_with_reasons
@@ -28,7 +28,17 @@ def _difference(name: str, simulation: float, recordings: float, **more) -> Diff
     relative = more.get("relative", False)
     change = recordings / simulation if relative else recordings - simulation
     one, two = _value(parameter, simulation), _value(parameter, recordings)
-    return Difference(kind, name, (one,), (two,), {parameter: change}, relative, 100.0, (), f"{name} differs")
+    return Difference(
+        kind,
+        name,
+        ByName((one,)),
+        ByName((two,)),
+        {parameter: change},
+        relative,
+        100.0,
+        (),
+        f"{name} differs",
+    )
 
 
 def _corrected(d: Difference, rover=NOMINAL, effects=(), x=None):

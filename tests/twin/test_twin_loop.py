@@ -9,7 +9,7 @@ import pytest
 
 from rover_sweep.comparison.answer import Agreement, Comparison, Difference
 from rover_sweep.data.geometry import Geometry
-from rover_sweep.data.results import Quantity
+from rover_sweep.data.results import ByName, Quantity
 from rover_sweep.diagnosis.simulation.augmented import AugmentedModel
 from rover_sweep.errors import UsageError
 from rover_sweep.twin import loop
@@ -57,7 +57,9 @@ class World:
 
 def _izz(factor: float) -> Difference:
     one, two = (Quantity("Izz", "", 1.0, 0.9, 1.1), Quantity("Izz", "", factor, 0.9 * factor, 1.1 * factor))
-    return Difference("number", "Izz", (one,), (two,), {"Izz": factor}, True, 99.0, (), "Izz differs")
+    return Difference(
+        "number", "Izz", ByName((one,)), ByName((two,)), {"Izz": factor}, True, 99.0, (), "Izz differs"
+    )
 
 
 @pytest.fixture(autouse=True)

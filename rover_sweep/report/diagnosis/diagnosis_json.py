@@ -9,16 +9,7 @@ from typing import Any, Literal
 
 from rover_sweep.data.codec import coded_by, decoded, encoded, in_json
 from rover_sweep.data.recording import Recording
-from rover_sweep.diagnosis.result import (
-    Diagnosis,
-    Finding,
-    Fit,
-    HeldOut,
-    Mismatch,
-    Profile,
-    TimeHistory,
-    UpperBound,
-)
+from rover_sweep.diagnosis.result import Diagnosis, Finding, Fit, HeldOut, TimeHistory, UpperBound
 from rover_sweep.diagnosis.simulation.augmented import AugmentedModel
 from rover_sweep.diagnosis.verdict import hardly_matters, importance_words, turn_change
 from rover_sweep.errors import UsageError
@@ -47,8 +38,6 @@ UNITS = (
     "SI, rad, rad/s; residual_over_noise is rms over the rms of the noise floor; J in dB and deg; J_rms in "
     "deg/s and ft/s^2"
 )
-in_json(Profile, ratio="residual_over_noise")
-in_json(Mismatch, sparse=("profile",), band="band_rad_s")
 in_json(Fit, sparse=("cost",))
 in_json(Finding, held_out="held_out_all")
 coded_by(AugmentedModel, augmented_document, augmented_from)
