@@ -26,7 +26,7 @@ def test_twenty_microseconds_are_too_few(verdicts):
     weak = verdicts[0]
     assert not weak.keep
     assert weak.amplitude == pytest.approx(20, abs=1)
-    asked = float(re.search(r"\((\d+) us instead of 20\)", weak.sentence)[1])
+    asked = float(re.search(r"repeat with (\d+) us in place of 20", weak.sentence)[1])
     assert 30 <= asked <= 150
 
 

@@ -113,7 +113,7 @@ def test_verdict_follows_the_noise(noise: float, keep: bool):
 def test_the_asked_amplitude_is_enough():
     weak = assess(driven(TRUTH, Sweep(amplitude=20), noise=0.2))
     assert not weak.keep and weak.next.amplitude
-    stronger = Sweep(amplitude=weak.next.amplitude)
+    stronger = Sweep(amplitude=20 * weak.next.amplitude / weak.amplitude)
     assert assess(driven(TRUTH, stronger, noise=0.2, seed=5)).keep
 
 
