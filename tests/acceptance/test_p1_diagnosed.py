@@ -18,6 +18,9 @@ import rover_sweep as rs
 MAPS = Path(__file__).parents[1] / "data" / "cars"
 
 
+pytestmark = pytest.mark.slow
+
+
 @pytest.fixture(scope="module")
 def runs(foreign_recordings: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[rs.Runs, rs.Runs]:
     """The sweep, and the file to hold out."""

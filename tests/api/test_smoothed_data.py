@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import pytest
 from small_car import Recorder, SmallCar, by_hand
 
 import rover_sweep as rs
@@ -11,6 +12,7 @@ import rover_sweep as rs
 MAP = {"time": "t", "delta": "steer", "r": "r", "speed": "v", "trial": "trial"}
 
 
+@pytest.mark.slow
 def test_nothing_is_named_in_smoothed_short_trials(tmp_path: Path) -> None:
     rover = tmp_path / "rover.toml"
     rover.write_text(

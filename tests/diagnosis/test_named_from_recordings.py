@@ -14,7 +14,7 @@ TRUTH = DATA / "concealed-ardurover-truth"
 
 
 @pytest.mark.usefixtures("undrawn")
-@pytest.mark.parametrize("name", ["a", pytest.param("c", marks=pytest.mark.slow), "f"])
+@pytest.mark.parametrize("name", ["a", *(pytest.param(n, marks=pytest.mark.slow) for n in "cf")])
 def test_the_concealed_effect_is_named_and_pays_on_the_fresh_run(name, tmp_path):
     folder = SETS / name
     runs = [str(folder / f"run{k}.BIN") for k in (1, 2, 3)]

@@ -31,6 +31,7 @@ def test_a_stopped_search_reports_no_finding_that_was_not_compared() -> None:
     }
 
 
+@pytest.mark.slow
 def test_without_the_true_effect_no_other_effect_is_found() -> None:
     """Set e hides dry friction of the suspension: no other effect may be reported for it."""
     found = rs.diagnose(_runs("e", 1, 2), only=("steering_backlash", "roll_steer", "imu_offset"))

@@ -96,6 +96,7 @@ def test_a_size_of_zero_changes_nothing_and_the_imu_moves_with_a_rigid_body(name
     assert np.std(gap - wanted) < 0.15 * np.std(wanted)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [name for name in MODULES if name != "foreign"])
 def test_every_effect_of_an_engines_own_changes_a_turn(name: str) -> None:
     some, plain = rover(name), turned(name)

@@ -24,6 +24,7 @@ def invented(seed: int, damping: float) -> Discrepancy:
     return Discrepancy({"yaw": yaw, "lateral": lateral}, {"yaw": 1.0, "lateral": 0.3}, x)
 
 
+@pytest.mark.slow
 def test_both_learn_a_missing_yaw_damping_and_only_one_names_it() -> None:
     used, held = [invented(k, 3.0) for k in range(3)], [invented(9, 3.0)]
     one, other = sparse(used, held), gaussian(used, held)
@@ -32,6 +33,7 @@ def test_both_learn_a_missing_yaw_damping_and_only_one_names_it() -> None:
     assert other.names == () and other.removed is not None and other.removed > 0.8
 
 
+@pytest.mark.slow
 def test_nothing_is_named_where_nothing_is_missing() -> None:
     used, held = [invented(k, 0.0) for k in range(3)], [invented(9, 0.0)]
     assert sparse(used, held).names == () and sparse(used, held).removed is None
