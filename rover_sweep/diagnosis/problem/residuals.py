@@ -191,7 +191,7 @@ class Problem:
 
         What the steadied speed changes in the model at x is taken from the measured rows.
         """
-        other = replace(self, runs=tuple(run.steadied for run in self.runs))
+        other = replace(self, runs=tuple(run.steadied(x.get("speed_share", 1.0)) for run in self.runs))
         changed = self.plain_models(structure, [x])[0] - other.plain_models(structure, [x])[0]
         measured = self.plain_measured - changed
         return replace(other, plain_measured=measured, measured=self.of(measured))

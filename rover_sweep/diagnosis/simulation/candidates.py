@@ -22,7 +22,8 @@ from rover_sweep.identification.models import roll_yaw
 #
 # Normal tolerances of every rover are coordinates of the nominal model: a lag and a delay up to 40 ms, Cf
 # and Cr within 15 %, a steering scale within 3 % and others. The tolerance is the bound or the prior, so
-# that it is never a finding. Positive physical numbers have logarithmic coordinates.
+# that it is never a finding. `speed_share`: of the speed's small changes (`Experiment.unsure`), what is
+# motion and not an error of the estimate. Positive physical numbers have logarithmic coordinates.
 
 
 @dataclass(frozen=True)
@@ -61,6 +62,7 @@ def coordinates(
         Coordinate("delay", 0.015, -s.early, s.delay, 0.01),
         Coordinate("scale", 0.0, -3 * s.scale, 3 * s.scale, 0.02, s.scale),
         Coordinate("vscale", 0.0, -3 * s.speed, 3 * s.speed, 0.02, s.speed),
+        Coordinate("speed_share", 0.7, 0.0, 1.0, 0.3),
         Coordinate("trim", 0.0, -s.trim, s.trim, 0.005),
         Coordinate("bias_ay", 0.0, -s.bias_ay, s.bias_ay, 0.1),
         Coordinate("imu_x", 0.0, -3 * imu_x, 3 * imu_x, 0.01, imu_x),

@@ -31,7 +31,8 @@ class Experiment:
     steer_rate: that of the steering [Hz]. begin: time of t = 0 on the clock of the recording [s].
     two_clocks: steering and motion come from different clocks. order: place among the runs in the order of
     driving; driven: time driven in the runs before [s]. commanded (FINE n,): `steer` on a finer grid, None
-    where there is none. angles: wheel angles that were computed last, by what they depend on.
+    where there is none. changes (n,): `unsure`, where it was found before [m/s]. share: of them that is in
+    `speed`. angles: wheel angles that were computed last, by what they depend on.
     """
 
     name: str
@@ -52,6 +53,8 @@ class Experiment:
     order: int = 0
     driven: float = 0.0
     commanded: Array | None = None
+    changes: Array | None = None
+    share: float = 1.0
     angles: dict[Hashable, Array] = field(default_factory=dict, init=False, repr=False)
 
     @cached_property
@@ -68,19 +71,30 @@ class Experiment:
         return np.gradient(self.speed, 1.0 / RATE)
 
     @cached_property
-    def steadied(self) -> Experiment:
-        """The run at a speed whose changes are no error of its estimate: an instrument for derivatives.
+    def unsure(self) -> Array:
+        """Changes (n,) of the speed within `STEADIED` that may be an error of its estimate [m/s].
+
+        Of changes of more than three times the error, the share of their power above that is none.
+        """
+        if self.changes is not None:
+            return self.changes
+        changes = self.speed - gaussian_filter1d(self.speed, STEADIED * RATE, mode="nearest")
+        power = gaussian_filter1d(changes**2, RATE, mode="nearest")  # within some seconds
+        return np.asarray(changes * np.minimum(1.0, (3.0 * SPEED_ERROR) ** 2 / np.maximum(power, 1e-12)))
+
+    @cached_property
+    def unsure_acceleration(self) -> Array:
+        """Rate of change (n,) of `unsure` [m/s^2]."""
+        return np.gradient(self.unsure, 1.0 / RATE)
+
+    def steadied(self, share: float) -> Experiment:
+        """The run at a speed without `unsure` for a model that takes this share of it: for derivatives.
 
         The measured speed multiplies the motion and the model's derivatives alike. Its error is in both, so
         their product has the error's square, which does not average out and moves lag and inertia by 10 %.
-        Changes within `STEADIED` are kept by the share of their power that is above three times the error.
         Fuller 1987: Measurement Error Models, section 2.4 (instrumental variables).
         """
-        even = gaussian_filter1d(self.speed, STEADIED * RATE, mode="nearest")
-        changes = self.speed - even
-        power = gaussian_filter1d(changes**2, RATE, mode="nearest")  # within some seconds
-        kept = np.maximum(0.0, 1.0 - (3.0 * SPEED_ERROR) ** 2 / np.maximum(power, 1e-12))
-        out = replace(self, speed=even + kept * changes)
+        out = replace(self, speed=self.speed - self.unsure, changes=self.unsure, share=share)
         object.__setattr__(out, "angles", self.angles)  # of the wheels, for which the speed does not count
         return out
 

@@ -106,8 +106,10 @@ def motions(drives: Sequence[tuple[Experiment, Values]], structure: Structure) -
     bases = []
     for run, x in drives:
         scale, delta = 1.0 + x.get("vscale", 0.0), wheel_angle(run, structure, x)
-        known = {"t": run.t, "psi": run.heading, "delta": delta}
-        bases.append({**known, "V": run.speed * scale, "v_dot_x": run.acceleration * scale})
+        more = x.get("speed_share", 1.0) - run.share
+        speed = scale * (run.speed + more * run.unsure)
+        v_dot_x = scale * (run.acceleration + more * run.unsure_acceleration)
+        bases.append({"t": run.t, "psi": run.heading, "delta": delta, "V": speed, "v_dot_x": v_dot_x})
     if structure.lumped:
         return [_lumped(base, structure, x) for (_, x), base in zip(drives, bases, strict=True)]
     cars = [_car(run, structure, x, base) for (run, x), base in zip(drives, bases, strict=True)]
