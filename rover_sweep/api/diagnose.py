@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field, fields
 from datetime import datetime
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from rover_sweep.api.diagnosis_input import candidates_left, diagnosed, material, nominal_of, time_limit_of
@@ -14,6 +15,7 @@ from rover_sweep.comparison.answer import Comparison
 from rover_sweep.comparison.common_model import FittedSide
 from rover_sweep.comparison.compare import Compared
 from rover_sweep.comparison.compare import compare as sides_compared
+from rover_sweep.comparison.differences import Known
 from rover_sweep.data.recording import Recording, keyed_frame
 from rover_sweep.data.results import ShortTable, Shown, ends_words, plain_number
 from rover_sweep.diagnosis.result import BASELINES, Diagnosis, DiagnosisSettings
@@ -275,10 +277,12 @@ def compared(
     progress: Callable[[str, float], None] | None = None,
     stop: Callable[[], bool] | None = None,
     fitted: dict[tuple[str, ...], FittedSide] | None = None,
+    measured: Known = MappingProxyType({}),
+    changed: Collection[str] = (),
 ) -> Compared:
     """`compare` with what pictures and corrections need. DataRefused where the recordings were refused.
 
-    fitted: as in `rover_sweep.comparison.compare`, for several comparisons of the same recordings.
+    fitted, measured, changed: as in `rover_sweep.comparison.compare`.
     """
     if found.model is None:
         raise DataRefused(f"the recordings cannot be compared with a simulation: {found.sentence}")
@@ -295,4 +299,6 @@ def compared(
         stop or (lambda: False),
         fitted,
         (found.p_else or 0.0) >= HALF,
+        measured,
+        changed,
     )

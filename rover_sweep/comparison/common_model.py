@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
+from types import MappingProxyType
 
 import numpy as np
 from scipy.fft import irfft, rfft
@@ -47,17 +48,30 @@ PENALTY = 14.0
 SPILL = 0.01  # a true difference of 374 and a false one of 44 stood beside an effect of 32 000
 ALL_OF = 3  # candidates of the sets that are all tried
 MOST = 14  # candidates of one set
+UNLIKELY = 0.02  # of the best set's probability
 Chosen = tuple[int, ...]
 
 
 class Subsets:
-    """The costs of sets of candidates. whitened: d (k,) and each candidate's columns (k, m) in S^(-1/2)."""
+    """The costs of sets of candidates. whitened: d (k,) and each candidate's columns (k, m) in S^(-1/2).
 
-    def __init__(self, difference: Array, covariance: Array, candidates: Sequence[Array]) -> None:
+    known: {candidate of one column: (its amount as it is known beforehand, standard deviation)}.
+    """
+
+    def __init__(
+        self,
+        difference: Array,
+        covariance: Array,
+        candidates: Sequence[Array],
+        known: Mapping[int, tuple[float, float]] = MappingProxyType({}),
+    ) -> None:
         values, axes = np.linalg.eigh(0.5 * (covariance + covariance.T))
         root = axes / np.sqrt(np.maximum(values, 1e-12 * values[-1]))
-        self.difference = difference @ root
-        self.columns = [root.T @ c for c in candidates]
+        before = [amount / sd for amount, sd in known.values()]
+        rows = {k: [[float(k == j) / sd] for j, (_, sd) in known.items()] for k in known}
+        absent = [np.zeros((len(known), c.shape[1])) for c in candidates]
+        self.difference = np.concatenate((difference @ root, before))
+        self.columns = [np.vstack((root.T @ c, rows.get(k, absent[k]))) for k, c in enumerate(candidates)]
         self._known: dict[frozenset[int], float] = {}
 
     def left(self, chosen: Sequence[int]) -> float:
@@ -86,6 +100,16 @@ class Subsets:
     def score(self, chosen: Sequence[int]) -> float:
         """Q plus the penalty of its parameters."""
         return self.left(chosen) + PENALTY * sum(self.columns[k].shape[1] for k in chosen)
+
+    def likely(self, best: Chosen) -> dict[Chosen, float]:
+        """{set: its probability} of a set and those that differ from it in one candidate, above `UNLIKELY`.
+
+        The score is -2 ln of a probability, but for a constant.
+        """
+        near = dict.fromkeys((best, *_neighbours(self, best)))
+        weights = {s: float(np.exp(0.5 * (self.score(best) - self.score(s)))) for s in near}
+        whole = sum(w for w in weights.values() if w > UNLIKELY)
+        return {s: w / whole for s, w in weights.items() if w > UNLIKELY}
 
 
 def fewest(subsets: Subsets, effects: Collection[int] = ()) -> Chosen:
@@ -163,6 +187,7 @@ KNOWN_ABSENT = 0.1  # standard deviation over an effect's usual size, of one tha
 ABSENT, STEP = 0.3, 0.5  # of an effect's usual size: absent below, and step of its difference quotient
 QUIET = 0.5  # share of the recordings' noise density below which a simulation has its noise added
 SEED = 5
+OF_THE_DAY = {"speed_share"}  # an error of the recording, which says nothing about the rover
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,7 +195,8 @@ class FittedSide:
     """One side fitted with the common model.
 
     plain: the problem without tolerances. problem: in their metric, in which the model is `fitted`, with its
-    Jacobian there. covariance (k, k): of the coordinates over their scales.
+    Jacobian there. covariance (k, k): of the coordinates over their scales. Those of `OF_THE_DAY` are fitted,
+    but are none of the k.
     """
 
     model: Model
@@ -181,8 +207,8 @@ class FittedSide:
 
     @property
     def coordinates(self) -> tuple[Coordinate, ...]:
-        """The k fitted coordinates."""
-        return self.fitted.free
+        """The k coordinates in which two sides are compared."""
+        return of_the_rover(self.fitted.free)
 
     @property
     def at_bounds(self) -> tuple[str, ...]:
@@ -207,7 +233,12 @@ class FittedSide:
     @property
     def values(self) -> Array:
         """The coordinates (k,) over their scales."""
-        return np.array([self.fitted.x[c.name] / c.scale for c in self.fitted.free])
+        return np.array([self.fitted.x[c.name] / c.scale for c in self.coordinates])
+
+
+def of_the_rover(free: Sequence[Coordinate]) -> tuple[Coordinate, ...]:
+    """The coordinates without those of `OF_THE_DAY`."""
+    return tuple(c for c in free if c.name not in OF_THE_DAY)
 
 
 def common_model(recordings: AugmentedModel, effects: Sequence[str], roll_seen: bool = True) -> Model:
@@ -252,14 +283,15 @@ def side_of(
 
 
 def _covariance(problem: Problem, fitted: Fitted, held: set[str]) -> Array:
-    """Covariance (k, k) of the coordinates over their scales; those that are held are known to be absent."""
+    """Covariance (k, k) of the sides' coordinates; those that are held are known to be absent."""
     free = np.array([c.name not in held for c in fitted.free])
     kept = replace(
         fitted, free=tuple(c for c in fitted.free if c.name not in held), jacobian=fitted.jacobian[:, free]
     )
     out = np.diag(np.where(free, 0.0, KNOWN_ABSENT**2))
     out[np.ix_(free, free)] = fit_covariance(problem, kept)
-    return out
+    compared = np.array([c.name not in OF_THE_DAY for c in fitted.free])
+    return out[np.ix_(compared, compared)]
 
 
 def _closest(

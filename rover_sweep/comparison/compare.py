@@ -3,15 +3,23 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
 from rover_sweep.comparison.answer import Agreement, Comparison, Difference, Verdict, answer_sentence
 from rover_sweep.comparison.common_model import FittedSide, as_noisy, common_model, side_of
-from rover_sweep.comparison.differences import ALIKE, Found, differences, found_between
+from rover_sweep.comparison.differences import (
+    ALIKE,
+    Found,
+    Known,
+    differences,
+    differences_left,
+    found_between,
+)
 from rover_sweep.comparison.direct import (
     Direct,
     Pair,
@@ -201,12 +209,14 @@ Progress = Callable[[str, float], None]
 class Compared:
     """A comparison with what its pictures and a correction need.
 
-    used, unused: the pairs whose recorded runs were used and held out, with their differences.
+    used, unused: the pairs whose recorded runs were used and held out, with their differences. left: what is
+    left of differences that were corrected before.
     """
 
     answer: Comparison
     used: Direct
     unused: Direct | None
+    left: tuple[Difference, ...] = ()
 
 
 @threadpool_limits.wrap(limits=1, user_api="blas")  # both cores are used by the simulations
@@ -221,6 +231,8 @@ def compare(
     stop: Callable[[], bool] = lambda: False,
     fitted: dict[tuple[str, ...], FittedSide] | None = None,
     unnamed: bool = False,
+    measured: Known = MappingProxyType({}),
+    changed: Collection[str] = (),
 ) -> Compared:
     """Compare simulated runs with the recorded runs whose steering they have.
 
@@ -228,8 +240,10 @@ def compare(
     effects: names of the laws in the simulation where they are known; None: they are searched. fitted:
     {laws: the recordings fitted with them}, filled and used where the same recordings are compared several
     times; then without bounds and pictures. unnamed: the diagnosis says that the recordings have something
-    without a name, so none is given to a difference that it did not name either. DataRefused where a
-    simulated run has the steering of no recording, or no run that is not held out was simulated.
+    without a name, so none is given to a difference that it did not name either. measured: differences that
+    follow from what was measured on the rover and what the simulation has. changed: quantities that were
+    corrected by the same recordings before. DataRefused where a simulated run has the steering of no
+    recording, or no run that is not held out was simulated.
     """
     started = time.monotonic()
     progress("comparing simulation and recordings", 0.0)
@@ -243,7 +257,7 @@ def compare(
         more = with_suspects([p.recorded for p in pairs], recordings, simulation, known_fits)
         recordings, simulation, alike = more.recordings, more.simulation, more.alike
     progress("comparing simulation and recordings", 0.8)
-    found = found_between(recordings, simulation, seed)
+    found = found_between(recordings, simulation, seed, measured)
     clear, minor = differences(found)
     clear = tuple(replace(d, look_alikes=(*d.look_alikes, *alike.get(d.name, ()))) for d in clear)
     plain = direct(pairs, recordings, simulation)
@@ -263,7 +277,8 @@ def compare(
     )
     if fitted is None:
         answer = _with_pictures(answer, plain, unused, recordings, simulation, found)
-    return Compared(answer, plain, unused)
+    left = differences_left(found, recordings, simulation, measured, changed)
+    return Compared(answer, plain, unused, left)
 
 
 def _with_pictures(

@@ -2,14 +2,16 @@
 
 With the coordinates x_D and x_S of recordings and simulation, their covariances, and the columns B of the
 chosen quantities, both sides are one Gaussian: x_S ~ N(mu, S_S), x_D ~ N(mu + B c, S_D). The estimate of mu
-and c by generalised least squares gives both sides' values; 400 draws from its covariance the 90 % intervals.
+and c by generalised least squares gives both sides' values. The 90 % intervals come from 400 draws from its
+covariance, shared among the sets of quantities that are nearly as likely as the chosen one.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from math import exp
+from math import ceil, exp
+from types import MappingProxyType
 
 import numpy as np
 
@@ -26,6 +28,7 @@ from rover_sweep.diagnosis.simulation.candidates import Coordinate, Model
 
 
 Values = Mapping[str, float]
+Known = Mapping[str, tuple[float, float]]  # {coordinate: (recordings minus simulation, standard deviation)}
 Reported = dict[str, tuple[float, str, str]]  # {parameter: (value, unit, meaning)}
 INSTRUMENT_EFFECTS = {"clock_offset", "velocity_lag", "imu_offset", "imu_tilt"}
 SMALL = 0.03  # relative change of a number that does not matter
@@ -225,35 +228,108 @@ class Found:
     recordings: tuple[Values, ...]
 
 
-def found_between(recordings: FittedSide, simulation: FittedSide, seed: int = 1) -> Found:
-    """The fewest quantities that explain the difference of two sides fitted with the same model."""
+def found_between(
+    recordings: FittedSide, simulation: FittedSide, seed: int = 1, known: Known = MappingProxyType({})
+) -> Found:
+    """The fewest quantities that explain the difference of two sides fitted with the same model.
+
+    known: of coordinates of which more is known than the two fits say.
+    """
     coordinates = recordings.coordinates
     candidates = quantities(recordings.model, coordinates)
     columns = [q.columns(coordinates) for q in candidates]
     covariance = recordings.covariance + simulation.covariance
-    subsets = Subsets(recordings.values - simulation.values, covariance, columns)
-    chosen = fewest(subsets, {k for k, q in enumerate(candidates) if q.effect is not None})
-    b = np.column_stack([np.zeros((len(coordinates), 0)), *(columns[k] for k in chosen)])
-    both = _both(recordings, simulation, b, seed)
-    return Found(candidates, chosen, subsets, *both)
+    before = _of_candidates(known, candidates)
+    subsets = Subsets(recordings.values - simulation.values, covariance, columns, before)
+    effects = {k for k, q in enumerate(candidates) if q.effect is not None}
+    chosen = _axle_by_axle(fewest(subsets, effects), candidates)
+    sets = subsets.likely(chosen)
+    return Found(candidates, chosen, subsets, *_draws(recordings, simulation, columns, before, sets, seed))
+
+
+def differences_left(
+    found: Found, recordings: FittedSide, simulation: FittedSide, known: Known, changed: Collection[str]
+) -> tuple[Difference, ...]:
+    """What is left of the differences in quantities that were corrected before, with their intervals.
+
+    They and those that still differ are estimated together, however little they differ.
+    """
+    every = range(len(found.candidates))
+    both = tuple(k for k in every if k in found.chosen or found.candidates[k].name in changed)
+    columns = [q.columns(recordings.coordinates) for q in found.candidates]
+    before = _of_candidates(known, found.candidates)
+    again = Found(
+        found.candidates,
+        both,
+        found.subsets,
+        *_draws(recordings, simulation, columns, before, {both: 1.0}, seed=1),
+    )
+    return tuple(_difference(again, k) for k in both if found.candidates[k].name in changed)
+
+
+def _of_candidates(known: Known, candidates: Sequence[Comparable]) -> dict[int, tuple[float, float]]:
+    """What is known of coordinates as {candidate that moves one alone: (amount, standard deviation)}."""
+    return {k: known[name] for k, q in enumerate(candidates) if (name := _one_coordinate(q)) in known}
+
+
+def _draws(
+    recordings: FittedSide,
+    simulation: FittedSide,
+    columns: Sequence[Array],
+    known: Mapping[int, tuple[float, float]],
+    sets: Mapping[Chosen, float],
+    seed: int,
+) -> tuple[tuple[Values, ...], tuple[Values, ...]]:
+    """(simulation, recordings): the estimate by the first of the sets, then draws by all of them."""
+    random, parts = np.random.default_rng(seed), []
+    none = np.zeros((len(recordings.coordinates), 0))
+    for some, share in sets.items():
+        first = np.cumsum([0, *(columns[k].shape[1] for k in some)])
+        at = {int(first[n]): known[k] for n, k in enumerate(some) if k in known}
+        b = np.column_stack([none, *(columns[k] for k in some)])
+        parts.append(_both(recordings, simulation, b, at, ceil(share * DRAWS), random))
+    one, two = (np.vstack([parts[0][side][:1], *(part[side][1:] for part in parts)]) for side in (0, 1))
+    return _named(recordings, one), _named(recordings, two)
+
+
+def _one_coordinate(q: Comparable) -> str:
+    """The coordinate of a number that is one itself; "" for others."""
+    (name, *others) = q.parts[0]
+    return "" if q.effect or others or q.parts[0][name] != 1.0 else name
+
+
+def _axle_by_axle(chosen: Chosen, candidates: Sequence[Comparable]) -> Chosen:
+    """The same set with both axles' stiffness in the place of one axle's beside that of both."""
+    place = {q.name: k for k, q in enumerate(candidates) if q.name in ("C", "Cf", "Cr")}
+    stiff = {name for name, k in place.items() if k in chosen}
+    if "C" not in stiff or len(stiff) == 1:
+        return chosen
+    return tuple(sorted({*chosen, place["Cf"], place["Cr"]} - {place["C"]}))
 
 
 def _both(
-    recordings: FittedSide, simulation: FittedSide, b: Array, seed: int
-) -> tuple[tuple[Values, ...], tuple[Values, ...]]:
-    """(simulation, recordings): coordinates of the estimate and of the draws."""
+    recordings: FittedSide,
+    simulation: FittedSide,
+    b: Array,
+    known: Mapping[int, tuple[float, float]],
+    draws: int,
+    random: np.random.Generator,
+) -> tuple[Array, Array]:
+    """(simulation, recordings) (1 + draws, k) over their scales, the estimate first. known: by b's column."""
     pd, ps = np.linalg.inv(recordings.covariance), np.linalg.inv(simulation.covariance)
     normal = np.block([[pd + ps, pd @ b], [b.T @ pd, b.T @ pd @ b]])
-    normal += 1e-12 * np.trace(normal) / len(normal) * np.eye(len(normal))
     right = np.concatenate((pd @ recordings.values + ps @ simulation.values, b.T @ pd @ recordings.values))
+    k = len(recordings.coordinates)
+    for column, (amount, sd) in known.items():
+        normal[k + column, k + column] += 1.0 / sd**2
+        right[k + column] += amount / sd**2
+    normal += 1e-12 * np.trace(normal) / len(normal) * np.eye(len(normal))
     covariance = np.linalg.inv(normal)
     centre = covariance @ right
     values, axes = np.linalg.eigh(0.5 * (covariance + covariance.T))
-    random = np.random.default_rng(seed).standard_normal((DRAWS, centre.size))
-    drawn = centre + random * np.sqrt(np.maximum(values, 0.0)) @ axes.T
+    drawn = centre + random.standard_normal((draws, centre.size)) * np.sqrt(np.maximum(values, 0.0)) @ axes.T
     rows = np.vstack((centre, drawn))
-    k = len(recordings.coordinates)
-    return _named(recordings, rows[:, :k]), _named(recordings, rows[:, :k] + rows[:, k:] @ b.T)
+    return rows[:, :k], rows[:, :k] + rows[:, k:] @ b.T
 
 
 def _named(side: FittedSide, rows: Array) -> tuple[Values, ...]:

@@ -9,6 +9,7 @@ from math import exp
 
 import numpy as np
 
+from rover_sweep.comparison.common_model import of_the_rover
 from rover_sweep.comparison.differences import Comparable, quantities
 from rover_sweep.data.geometry import Geometry
 from rover_sweep.data.recording import Array
@@ -231,7 +232,7 @@ def _why(log: MeasuredLog) -> str:
 def _vehicle(name: str, days: tuple[VehicleDay, ...], rovers: Mapping[str, Geometry]) -> _Vehicle:
     log = days[-1].logs[-1]
     model = season_model(rovers[log.vehicle_file])
-    coordinates = model.free
+    coordinates = of_the_rover(model.free)
     offered = {q.name: q for q in quantities(model, coordinates)}
     chosen: tuple[Comparable, ...] = tuple(offered[n] for n in QUANTITIES if n in offered)
     scale = np.array([c.scale for c in coordinates])

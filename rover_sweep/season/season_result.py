@@ -193,9 +193,13 @@ def fitted_log(runs: Sequence[Recording], rover: Geometry) -> FittedLog:
     with one_thread():
         side = side_of(in_order([experiment(run) for run in runs]), season_model(rover), {}, EFFECTS)
     fitted, variance = side.fitted, side.fitted.overdispersion
-    information = fitted.jacobian.T @ fitted.jacobian / variance
-    linear = information @ side.values + fitted.jacobian.T @ fitted.rows / variance
     names = tuple(c.name for c in side.coordinates)
+    own = np.array([c.name in names for c in fitted.free])
+    others, error = fitted.jacobian[:, own], fitted.jacobian[:, ~own]
+    # What the day's error explains says nothing of the rover.
+    outside = others - error @ np.linalg.lstsq(error, others, rcond=None)[0]
+    information = outside.T @ outside / variance
+    linear = information @ side.values + outside.T @ fitted.rows / variance
     return FittedLog(
         names, side.values, np.asarray(information), linear, variance, tuple(r.name for r in runs)
     )

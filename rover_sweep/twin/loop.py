@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
-from math import sqrt
+from functools import partial
+from math import log, sqrt
 from pathlib import Path
 from typing import Any
 
 from rover_sweep.comparison.answer import Comparison, Correction, Twin, TwinDrive
 from rover_sweep.comparison.compare import Compared
+from rover_sweep.comparison.differences import Known
 from rover_sweep.comparison.direct import bode, driven_again, histories_of
 from rover_sweep.data.recording import Recording
 from rover_sweep.data.vehicle_file import Vehicle
+from rover_sweep.data.vehicle_geometry import geometry_of, tolerances_of
 from rover_sweep.diagnosis.effects import form_named, library
 from rover_sweep.diagnosis.effects.effect import SpeedEffect
 from rover_sweep.diagnosis.simulation.augmented import AugmentedModel
@@ -51,6 +54,28 @@ def with_measured(rover: PlantParameters, vehicle: Vehicle) -> tuple[PlantParame
     new = as_measured(scaled, vehicle)
     changed = [f.name for f in fields(new) if getattr(rover, f.name) != getattr(new, f.name)]
     return new, tuple(_entry(name, rover, scaled, new, vehicle) for name in changed)
+
+
+def measured_differences(vehicle: Vehicle, rover: PlantParameters) -> Known:
+    """{coordinate: (the vehicle file's value minus the simulated rover's, standard deviation)}.
+
+    So no correction moves a number by more than its measurement allows.
+    """
+    own, spread = geometry_of(vehicle), tolerances_of(vehicle)
+    ahead, _, down = rover.imu_position
+    above = rover.cg_height_above_roll_centre - down
+    out = {
+        "da": (own.a - rover.cg_to_front_axle, spread.cg * own.wheelbase),
+        "imu_x": (own.imu_x - ahead, spread.imu_x * own.wheelbase),
+        "imu_z": (own.imu_z - above, spread.imu_z * own.wheelbase),
+    }
+    if vehicle.rad_per_us is not None:
+        out["scale"] = (1.0 - rover.rad_per_us / vehicle.rad_per_us.value, spread.scale)
+    if own.h:
+        out["ln_h"] = (log(own.h / rover.cg_height_above_roll_centre), spread.h)
+    if own.roll_inertia:
+        out["ln_Ixx"] = (log(own.roll_inertia / rover.roll_inertia), spread.roll_inertia)
+    return out
 
 
 def _entry(
@@ -186,7 +211,7 @@ HELPED = 0.98  # of the level before, below which a correction helped
 SETTLED = 1.0  # level at which small differences are left alone
 
 Drive = Callable[[PlantParameters], Sequence[Recording]]
-Compare = Callable[[Sequence[Recording], tuple[str, ...]], Compared]
+Compare = Callable[[Sequence[Recording], tuple[str, ...], PlantParameters, Collection[str]], Compared]
 Say = Callable[[str], None]
 
 
@@ -199,9 +224,14 @@ class _Driven:
     compared: Compared
 
     @property
+    def answer(self) -> Comparison:
+        """The comparison as a user gets it."""
+        return self.compared.answer
+
+    @property
     def level(self) -> float:
         """RMS over the noise of the runs that were used."""
-        used = [a.overall for a in self.compared.answer.agreement if not a.held_out]
+        used = [a.overall for a in self.answer.agreement if not a.held_out]
         return sqrt(sum(x * x for x in used) / len(used))
 
 
@@ -220,7 +250,7 @@ def twin_of(
 
     rover: to begin with; measured: entries of it that were replaced by those of a vehicle file. model: of the
     recordings. drive(rover) -> its recordings with the steering of all recorded runs; compare(recordings,
-    names of the laws that the simulation has).
+    names of the laws that the simulation has, the rover, quantities that were corrected before).
     """
     started = time.monotonic()
     driven = [_Driven(rover, Corrected(rover, (), ()), _compared(rover, model, drive, compare))]
@@ -229,17 +259,15 @@ def twin_of(
     in_vain = 0
     while len(driven) < MOST_DRIVES and not stop():
         last, best = driven[-1], min(driven, key=lambda d: d.level)
-        if last is best and not _to_correct(last.compared.answer):
+        if last is best and not _to_correct(last.answer):
             break
-        by = (
-            corrected(last.rover, last.compared.answer, model)
-            if last is best
-            else halved(best.rover, last.by)
-        )
+        by = corrected(last.rover, last.answer, model) if last is best else halved(best.rover, last.by)
         if not by.corrections:
             break
+        changed = {d.name for one in driven for d in (*one.answer.differences, *one.answer.minor)}
         try:
-            again = _driven_or_halved(last.rover, by, lambda rover: _compared(rover, model, drive, compare))
+            next_drive = partial(_compared, model=model, drive=drive, compare=compare, changed=changed)
+            again = _driven_or_halved(last.rover, by, next_drive)
         except RoverSweepError as error:  # it overturns, or its run is too short to be compared
             remarks.append(f"the rover could not be driven with the next corrections: {error}")
             break
@@ -254,8 +282,11 @@ def twin_of(
         number = driven.index(best) + 1
         remarks.append(f"the corrections after drive {number} did not help, so they were taken back")
     kept = driven[: driven.index(best) + 1]
-    left = corrected(best.rover, best.compared.answer, model).left
-    return _twin(driven, kept, measured, left, tuple(remarks), time.monotonic() - started), best.rover
+    left = corrected(best.rover, best.answer, model).left
+    now = corrected(best.rover, replace(best.answer, differences=best.compared.left, minor=()), model)
+    recorded = {c.entry: c.recordings for c in now.corrections}
+    seconds = time.monotonic() - started
+    return _twin(driven, kept, measured, recorded, left, tuple(remarks), seconds), best.rover
 
 
 def _driven_or_halved(
@@ -293,8 +324,14 @@ def _to_correct(found: Comparison) -> bool:
     return bool(found.minor) and any(a.overall > AGREES for a in found.agreement if not a.held_out)
 
 
-def _compared(rover: PlantParameters, model: AugmentedModel, drive: Drive, compare: Compare) -> Compared:
-    return compare(drive(rover), laws_of(rover, model))
+def _compared(
+    rover: PlantParameters,
+    model: AugmentedModel,
+    drive: Drive,
+    compare: Compare,
+    changed: Collection[str] = (),
+) -> Compared:
+    return compare(drive(rover), laws_of(rover, model), rover, changed)
 
 
 def laws_of(rover: PlantParameters, model: AugmentedModel) -> tuple[str, ...]:
@@ -320,7 +357,7 @@ def _law(name: str, entry: Mapping[str, float | str]) -> str:
 
 def _progress(driven: Sequence[_Driven]) -> str:
     last = driven[-1]
-    worst = max((a.overall for a in last.compared.answer.agreement), default=0.0)
+    worst = max((a.overall for a in last.answer.agreement), default=0.0)
     return f"drive {len(driven)}: the difference of a run is at most {worst:.2g} times the noise of both"
 
 
@@ -328,6 +365,7 @@ def _twin(
     driven: Sequence[_Driven],
     kept: Sequence[_Driven],
     measured: Sequence[Correction],
+    recorded: Mapping[str, str],
     left: tuple[str, ...],
     remarks: tuple[str, ...],
     seconds: float,
@@ -343,9 +381,12 @@ def _twin(
         *(driven_again(first.unused, last.unused, True) if first.unused and last.unused else ()),
         *driven_again(first.used, last.used, False),
     ]
-    corrections = together([measured, *(d.by.corrections for d in kept)])
+    corrections = tuple(
+        replace(c, recordings=recorded.get(c.entry, c.recordings))
+        for c in together([measured, *(d.by.corrections for d in kept)])
+    )
     return Twin(
-        _sentence(agrees, last.answer, len(corrections), len(kept)),
+        _sentence(agrees, last.answer, len(corrections), len(driven)),
         agrees,
         rounds,
         corrections,
@@ -365,8 +406,10 @@ def _sentence(agrees: bool, last: Comparison, changed: int, drives: int) -> str:
     if agrees and not changed:
         return f"the simulation agreed with the recordings as it was: {size}"
     if agrees:
-        return f"after {changed} correction(s) the simulation agrees with the recordings: {size}"
-    return f"the simulation still differs from the recordings after {drives} drive(s): {size}"
+        many = f"{changed} correction{'s' if changed > 1 else ''}"
+        return f"after {many} the simulation agrees with the recordings: {size}"
+    many = f"{drives} drive{'s' if drives > 1 else ''}"
+    return f"the simulation still differs from the recordings after {many}: {size}"
 
 
 def _reason(first: Correction, last: Correction) -> str:

@@ -29,7 +29,7 @@ def nominal() -> rs.Result:
 def test_the_numbers_are_the_plants_and_their_intervals_hold_them(nominal: rs.Result) -> None:
     for name, true in TRUE.items():
         low, high = nominal.numbers[name].interval_90
-        assert nominal.numbers[name].value == pytest.approx(true, rel=0.06), name
+        assert nominal.numbers[name].value == pytest.approx(true, rel=0.08), name
         assert low < true < high and high - low < 0.35 * true, name
 
 

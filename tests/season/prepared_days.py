@@ -7,6 +7,7 @@ from datetime import date, timedelta
 
 import numpy as np
 
+from rover_sweep.comparison.common_model import of_the_rover
 from rover_sweep.data.geometry import Geometry
 from rover_sweep.season.season_result import FittedLog, MeasuredLog, season_model
 
@@ -41,7 +42,7 @@ def vehicle_logs(
 ) -> list[MeasuredLog]:
     """One log of each day. Some combinations of coordinates are known well, others hardly."""
     random = np.random.default_rng(seed)
-    free = season_model(ROVER).free
+    free = of_the_rover(season_model(ROVER).free)
     scale = np.array([c.scale for c in free])
     usual = np.array([c.start for c in free]) / scale + 0.3 * random.standard_normal(scale.size)
     out = []

@@ -25,6 +25,7 @@ class FakeCompared:
     answer: Comparison
     used: object = None
     unused: object = None
+    left: tuple = ()
 
 
 @dataclass
@@ -41,7 +42,7 @@ class World:
         self.drives.append(rover)
         return [rover]
 
-    def compare(self, simulated, laws):
+    def compare(self, simulated, laws, rover, changed):
         (rover,) = simulated
         self.laws.append(laws)
         factor = (self.true / rover.yaw_inertia) ** self.gain

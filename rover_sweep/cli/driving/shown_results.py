@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from datetime import datetime
@@ -327,6 +327,7 @@ def _twin(
     from rover_sweep.comparison.common_model import FittedSide
     from rover_sweep.comparison.compare import Compared
     from rover_sweep.twin.loop import (
+        measured_differences,
         recorded_drives,
         simulated_drives,
         twin_of,
@@ -355,8 +356,24 @@ def _twin(
         )
         return load_steered(paths, vehicle, replace(call.reading, columns=None), (*call.runs, *call.held_out))
 
-    def compare(simulated: Sequence[Recording], laws: tuple[str, ...]) -> Compared:
-        return compared(given.runs, given.held_out, simulated, found, laws, call.seed, fitted=fitted)
+    def compare(
+        simulated: Sequence[Recording],
+        laws: tuple[str, ...],
+        rover: PlantParameters,
+        changed: Collection[str],
+    ) -> Compared:
+        known = measured_differences(vehicle, rover)
+        return compared(
+            given.runs,
+            given.held_out,
+            simulated,
+            found,
+            laws,
+            call.seed,
+            fitted=fitted,
+            measured=known,
+            changed=changed,
+        )
 
     twin, rover = twin_of(rover, measured, found.model, drive, compare, say, stop)
     if call.simulator != "plant" and not stop():
