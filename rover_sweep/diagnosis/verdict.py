@@ -7,12 +7,13 @@ from dataclasses import dataclass, replace
 from math import degrees
 
 import numpy as np
+from scipy.ndimage import uniform_filter1d
 
 from rover_sweep.data.recording import Array
 from rover_sweep.diagnosis.effects import Effect
 from rover_sweep.diagnosis.held_out import FittedModel
 from rover_sweep.diagnosis.result import Diagnosis, Finding, HeldOut, Unknown, Verdict
-from rover_sweep.diagnosis.simulation.candidates import same_speed
+from rover_sweep.diagnosis.simulation.candidates import alike_speeds
 from rover_sweep.diagnosis.simulation.experiment import FINE, RATE, Experiment
 from rover_sweep.diagnosis.simulation.simulator import motion
 
@@ -250,8 +251,8 @@ def remarks_of(
     run: channels that are predicted worse with the findings}.
     """
     out = []
-    by_speed = sorted(used, key=lambda run: run.mean_speed)
-    if not used or same_speed(by_speed[0], by_speed[-1]):
+    speeds = [uniform_filter1d(run.speed, round(RATE), mode="nearest") for run in used]
+    if not used or alike_speeds(*np.percentile(np.concatenate(speeds), (5, 95))):
         out.append("all runs have the same speed, so a lag over a distance looks like a lag in time")
     if len({round(run.amplitude, 2) for run in used}) < 2:
         out.append("all runs have the same amplitude, so saturation looks like a smaller linear gain")

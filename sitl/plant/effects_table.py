@@ -145,7 +145,7 @@ PARAMETERS: Mapping[str, Mapping[str, Rule]] = {
     "transport_delay": {"T": _size(_LATE, " s")},
     "clock_offset": {"T": _either(_LATE, " s")},
     "tyre_relaxation": {"sigma": _size(10.0, " m")},
-    "tyre_saturation": {"mu": _positive(_UNLIMITED)},
+    "tyre_saturation": {"mu": Rule(0.01, _UNLIMITED)},
     "load_transfer": {"k": _either(10.0)},
     "tyre_speed": {"k": _either(3.0)},
     "front_rear_stiffness": {"ratio": _positive(20.0)},

@@ -1,5 +1,8 @@
 """Verdicts: explained only at the noise floor; findings that a held-out run contradicts are reported."""
 
+from types import SimpleNamespace
+
+import numpy as np
 import pytest
 
 from rover_sweep.data.results import Quantity
@@ -51,6 +54,13 @@ def test_a_partly_explained_diagnosis_is_one_sentence_without_the_details() -> N
 def test_a_finding_that_a_held_out_run_contradicts_is_reported() -> None:
     assert remarks_of([], [finding(0.4, -0.1, None)], {}, {}, {})[-1].endswith("worse on run5")
     assert not any("not confirmed" in remark for remark in remarks_of([], [finding(0.4, None)], {}, {}, {}))
+
+
+@pytest.mark.parametrize(("slowest", "fastest", "told"), [(2.0, 2.1, True), (1.0, 3.0, False)])
+def test_one_run_that_speeds_up_is_not_of_one_speed(slowest: float, fastest: float, told: bool) -> None:
+    run = SimpleNamespace(speed=np.linspace(slowest, fastest, 3000), amplitude=0.2)
+    found = remarks_of([run], [], {}, {}, {})  # type: ignore[list-item]
+    assert any("the same speed" in remark for remark in found) == told
 
 
 def test_effects_that_are_not_named_are_listed_with_the_reason() -> None:

@@ -83,6 +83,7 @@ def test_effects_stand_beside_other_numbers_and_are_inherited(tmp_path: Path) ->
         ("tyre_slip = { C = 30 }", "tyre_slip lacks Izz"),
         ("steering_backlash = { b = -0.1 }", "b = -0.1 must be at least 0"),
         ("servo_rate_limit = { R = 0 }", "R = 0 must be greater than 0"),
+        ("tyre_saturation = { mu = 1e-300 }", "mu = 1e-300 must be at least 0.01"),
         ("servo_rate_limit = { R = inf }", "R = inf must be a finite number"),
         ("imu_tilt = { roll = 9 }", "roll = 9 must lie between -1.6 and 1.6 rad"),
         ("steering_nonlinearity = { c3 = -1e6 }", "c3 = -1000000.0 must lie between -30 and 30 1/rad2"),

@@ -388,5 +388,9 @@ def why_unseen(effect: Effect, model: Model, runs: Sequence[Experiment]) -> str:
 
 def same_speed(a: Experiment, b: Experiment) -> bool:
     """True for runs whose mean speeds are within 12 %."""
-    low, high = sorted((a.mean_speed, b.mean_speed))
+    return alike_speeds(*sorted((a.mean_speed, b.mean_speed)))
+
+
+def alike_speeds(low: float, high: float) -> bool:
+    """True for two speeds within 12 %."""
     return high < (1 + SAME_SPEED) * low
