@@ -1,6 +1,5 @@
 """What many tests share: the recordings, the vehicle that made them."""
 
-import base64
 import os
 from pathlib import Path
 
@@ -9,9 +8,6 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before numpy: two workers 
 import pytest
 
 DATA = Path(__file__).parent / "data"
-PIXEL = base64.b64decode(
-    "iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAYAAAAfFcSJAAAADUlEQVR42mP8z8BQDwAEhQGAhKmMIQAAAABJRU5ErkJggg=="
-)
 
 
 @pytest.hookimpl(optionalhook=True)  # pytest without xdist does not know it
@@ -34,9 +30,3 @@ def foreign_recordings() -> Path:
     if not path.is_dir():
         pytest.skip(f"no recordings at {path}; set ROVER_SWEEP_RECORDINGS")
     return path
-
-
-@pytest.fixture
-def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Every picture of a report is one pixel: for tests of its numbers and words. Drawing takes longest."""
-    monkeypatch.setattr("rover_sweep.report.pictures.picture.Picture.png", lambda picture: PIXEL)

@@ -1,62 +1,88 @@
-"""The axes to draw on: the user's, or those of a new figure in the style of the reports."""
+"""The charts of results on matplotlib axes: the user's, or those of a new figure."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from typing import Any
 
+import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
 from rover_sweep.data.recording import Recording
 from rover_sweep.diagnosis.result import Diagnosis, LawCurve, TimeHistory
 from rover_sweep.errors import UsageError
+from rover_sweep.files.documents import printable
 from rover_sweep.identification.identify_speed import SpeedResult
 from rover_sweep.identification.model_results import ModelResult
 from rover_sweep.identification.pipeline import Identification
-from rover_sweep.identification.speed_fit import fitted_speed, grid_of
 from rover_sweep.identification.verify import Verification
-from rover_sweep.report.identification.page import shown_models
-from rover_sweep.report.pictures.frequency_response import (
-    DEG,
-    MARGIN,
-    ROWS,
-    draw_channel,
-    draw_predicted,
-    draw_response,
+from rover_sweep.report.charts.chart import (
+    AFTER,
+    CHANNEL_WORDS,
+    DATA,
+    Chart,
+    Curve,
+    Panel,
+    Stack,
+    shown_limits,
+    ticks,
 )
-from rover_sweep.report.pictures.overlay import HEIGHT, draw_curve, draw_overlay, draw_residual
-from rover_sweep.report.pictures.picture import DATA, LABELS, MODEL_LINES, WIDTH, literal, styled
-from rover_sweep.report.wording import LONG_CHANNELS
+from rover_sweep.report.charts.diagnosis_charts import curves_chart, run_and_spectra
+from rover_sweep.report.charts.response_charts import (
+    response_chart,
+    response_stack,
+    run_chart,
+    throttle_run_chart,
+    verification_chart,
+)
+from rover_sweep.report.identification.page import shown_models
 from rover_sweep.spectra.response import FrequencyResponse
 
+COLUMN, ROW = 5.5, 0.0135  # in of a column, and of a px of a panel's height
+STYLE: dict[Any, Any] = {
+    "font.size": 10,
+    "axes.titlesize": 10.5,
+    "axes.titlelocation": "left",
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "grid.color": "#D8D8D8",
+    "grid.linewidth": 0.6,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "legend.frameon": False,
+    "legend.fontsize": 9.5,
+    "figure.facecolor": "white",
+}
 
-@contextmanager
-def panels(
-    given: Any, shape: tuple[int, int], names: Sequence[str], size: tuple[float, float], **grid: Any
-) -> Iterator[Any]:
-    """Axes (rows, columns): those given (one, or a sequence or array of as many), or new ones.
 
-    names: of the panels, for the error; size: of a new figure [in]; grid: further arguments of
-    `Figure.subplots`. UsageError for another number of axes.
+def draw_chart(chart: Chart, axes: Any) -> Any:
+    """Axes (panels, stacks) of a chart: those given (one, or a sequence or array of as many), or new ones.
+
+    All stacks have as many panels. UsageError for another number of axes.
     """
-    if given is not None:
-        yield _checked(given, shape, names)
-        return
+    stacks = chart.stacks
+    of = [f" of {stack.title}" if len(stacks) > 1 else "" for stack in stacks]
+    panels = [[f"{p.label}{words}" for p in s.panels] for s, words in zip(stacks, of, strict=True)]
+    names = [name for row in zip(*panels, strict=True) for name in row]
+    shape = len(stacks[0].panels), len(stacks)
+    if axes is not None:
+        return _filled(_checked(axes, shape, names), stacks)
     from matplotlib import pyplot
 
+    heights = [p.height for p in stacks[0].panels]
+    size = max(COLUMN * len(stacks), 7.0), 1.0 + ROW * sum(heights)
     # outside the style: the first figure starts a notebook's backend, whose settings the style would undo
     figure = pyplot.figure(figsize=size, layout="constrained", facecolor="white")
-    with styled():
-        yield figure.subplots(*shape, squeeze=False, **grid)
+    with matplotlib.rc_context(STYLE):
+        return _filled(figure.subplots(*shape, squeeze=False, sharex="col", height_ratios=heights), stacks)
 
 
 def _checked(given: Any, shape: tuple[int, int], names: Sequence[str]) -> Any:
-    flat = (
-        np.array([given], dtype=object) if isinstance(given, Axes) else np.array(given, dtype=object).ravel()
-    )
-    wrong = [type(one).__name__ for one in flat if not isinstance(one, Axes)]
+    one = isinstance(given, Axes)
+    flat = np.array([given], dtype=object) if one else np.array(given, dtype=object).ravel()
+    wrong = [type(each).__name__ for each in flat if not isinstance(each, Axes)]
     if wrong:
         raise UsageError(f"axes holds a {wrong[0]}; give matplotlib axes, one for each of {', '.join(names)}")
     if flat.size != shape[0] * shape[1]:
@@ -64,41 +90,67 @@ def _checked(given: Any, shape: tuple[int, int], names: Sequence[str]) -> Any:
     return flat.reshape(shape)
 
 
+def _filled(given: Any, stacks: Sequence[Stack]) -> Any:
+    for column, stack in zip(given.T, stacks, strict=True):
+        for axes, panel in zip(column, stack.panels, strict=True):
+            _draw(axes, stack, panel)
+        column[0].set_title(_literal(stack.title.replace("; ", "\n", 1)))
+        column[-1].set_xlabel(_literal(stack.x_label))
+        labelled = max(column, key=lambda axes: len(axes.get_legend_handles_labels()[1]))
+        if len(labelled.get_legend_handles_labels()[1]) > 1:
+            labelled.legend(fontsize="small")
+    return given
+
+
+def _draw(axes: Axes, stack: Stack, panel: Panel) -> None:
+    if stack.kind == "log":
+        axes.set_xscale("log")
+        places = ticks(*stack.span, "log")
+        axes.xaxis.set_major_locator(FixedLocator([x for x, _ in places]))
+        axes.xaxis.set_minor_locator(NullLocator())
+        axes.xaxis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}"))
+    for low, high, colour in stack.shades:
+        axes.axvspan(low, high, color=colour, linewidth=0, zorder=0)
+    for x, colour in stack.marks:
+        axes.axvline(x, color=colour, linewidth=1.2)
+    for level in panel.levels:
+        axes.axhline(level, color="#777777", linewidth=1.0, linestyle=(0, (4, 3)))
+    for s in panel.spreads:
+        axes.fill_between(panel.x, s.low, s.high, color=s.colour, alpha=0.75, linewidth=0, label=s.label)
+    for line in panel.lines:
+        axes.plot(
+            panel.x,
+            line.y,
+            color=line.colour,
+            linewidth=line.width,
+            linestyle="none" if line.dots else (0, line.dash) if line.dash else "-",
+            marker="." if line.dots else None,
+            drawstyle="steps-post" if line.step else "default",
+            label=_literal(line.label),
+        )
+    axes.set_xlim(*stack.span)
+    axes.set_ylim(*shown_limits(panel))
+    axes.set_ylabel(_literal(panel.label.replace(", ", "\n", 1)))
+
+
+def _literal(text: str) -> str:
+    """A text for a picture: `$` starts no formula, control characters are visible."""
+    return "\n".join(printable(line) for line in text.split("\n")).replace("$", r"\$")
+
+
 # `FullDiagnosis.plot`: a run measured and simulated; `.plot_curves`: the fitted laws.
-
-
-DIAGNOSIS_ROW = 2.0  # in
 
 
 def draw_diagnosis(found: Diagnosis, run: str | None, axes: Any) -> Any:
     """Axes (channels, 2): the signals over time, and the spectrum of the residual over the noise."""
-    channels = _channels(found, run)
-    changed = bool(found.findings)
-    names = [f"{what} of {o.channel}" for o in channels for what in ("signal", "residual")]
-    shape, size = (len(channels), 2), (WIDTH, 0.7 + DIAGNOSIS_ROW * len(channels))
-    with panels(axes, shape, names, size, width_ratios=(2.3, 1)) as given:
-        for k, (row, o) in enumerate(zip(given, channels, strict=True)):
-            draw_overlay(row[0], o, changed, last=k == len(channels) - 1)
-            draw_residual(row[1], o, changed)
-            row[0].set_ylabel(LONG_CHANNELS.get(o.channel, o.channel))
-        role = "held out" if channels[0].held_out else "used in the fit"
-        given[0, 0].set_title(f"{literal(channels[0].run)}, {role}")
-        given[0, 0].legend(fontsize="small", ncols=4)
-        given[0, 1].set_title("residual / noise")
-        given[-1, 0].set_xlabel("time, s")
-        given[-1, 1].set_xlabel("frequency, rad/s")
-    return given
+    return draw_chart(run_and_spectra(_channels(found, run), bool(found.findings)), axes)
 
 
 def draw_curves(curves: tuple[LawCurve, ...], axes: Any) -> Any:
     """Axes (n,): each law over its quantity, with its band."""
     if not curves:
         raise UsageError("this diagnosis has no curves: its model has no tyres, or it was refused")
-    names = [curve.place for curve in curves]
-    with panels(axes, (1, len(curves)), names, (0.5 * WIDTH * len(curves), HEIGHT)) as given:
-        for curve, panel in zip(curves, given.ravel(), strict=True):
-            draw_curve(curve, panel)
-    return given.ravel()
+    return draw_chart(curves_chart(curves), axes)[0]
 
 
 def _channels(found: Diagnosis, run: str | None) -> list[TimeHistory]:
@@ -119,11 +171,6 @@ def _channels(found: Diagnosis, run: str | None) -> list[TimeHistory]:
 # `ModelResult.plot` and `Verification.plot`: a run that was not fitted, measured and predicted.
 
 
-MODEL_ROW = 1.9  # in
-SHOWN_IN = {"r": (180 / np.pi, "deg/s"), "p": (180 / np.pi, "deg/s")}
-UNITS = {"ay": "m/s²", "vy": "m/s", "vydot": "m/s²"}
-
-
 def draw_model(model: ModelResult, axes: Any) -> Any:
     """Axes (channels,) of the first verification run. UsageError for a model without one."""
     if not model.verification:
@@ -136,55 +183,33 @@ def draw_model(model: ModelResult, axes: Any) -> Any:
 
 def draw_verification(found: Verification, model: str, axes: Any) -> Any:
     """Axes (channels,) of measured and predicted channels over time [s]."""
-    names = [o.channel for o in found.overlays]
-    with panels(axes, (len(names), 1), names, (WIDTH, 0.7 + MODEL_ROW * len(names)), sharex=True) as given:
-        for one, channel in zip(given[:, 0], names, strict=True):
-            draw_predicted(one, channel, {model: found}, float(found.overlays[0].t[0]))
-        given[0, 0].set_title(f"{found.run} at {found.speed:.2f} m/s")
-        given[0, 0].legend()
-        given[-1, 0].set_xlabel("time since start of the manoeuvre, s")
-    return given[:, 0]
+    return draw_chart(verification_chart(None, {model: found}), axes)[:, 0]
 
 
 def draw_simulation(
     title: str, t: Any, signals: Any, measured: Any, channels: Sequence[str] | None, axes: Any
 ) -> Any:
     """Axes (channels,) of simulated and measured channels over time. signals, measured: {channel: (n,)}."""
-    wanted = [channels] if isinstance(channels, str) else list(channels or _both(signals, measured))
+    both = [c for c in signals if c in measured] or list(signals)
+    wanted = [channels] if isinstance(channels, str) else list(channels or both)
     if unknown := [c for c in wanted if c not in signals]:
         raise UsageError(f"the model has no channel {unknown[0]!r}; it has {', '.join(signals)}")
-    with panels(axes, (len(wanted), 1), wanted, (WIDTH, 0.7 + MODEL_ROW * len(wanted)), sharex=True) as found:
-        for one, channel in zip(found[:, 0], wanted, strict=True):
-            factor, unit = SHOWN_IN.get(channel, (1.0, UNITS.get(channel, "")))
-            if channel in measured:
-                one.plot(t - t[0], factor * measured[channel], color=DATA, linewidth=0.9, label="measured")
-            one.plot(t - t[0], factor * signals[channel], label="simulated", **MODEL_LINES["roll-yaw"])
-            one.set_ylabel(f"{LABELS.get(channel, channel)}\n{unit}")
-        found[0, 0].set_title(title)
-        found[0, 0].legend()
-        found[-1, 0].set_xlabel("time, s")
-    return found[:, 0]
-
-
-def _both(signals: Any, measured: Any) -> list[str]:
-    return [c for c in signals if c in measured] or list(signals)
+    panels = []
+    for name in wanted:
+        factor = 180 / np.pi if name in ("r", "p", "phi", "psi") else 1.0
+        lines = [Curve("measured", factor * measured[name], DATA, width=1.0)] if name in measured else []
+        lines.append(Curve("simulated", factor * signals[name], **AFTER))
+        panels.append(Panel(CHANNEL_WORDS.get(name, name), t - t[0], tuple(lines), height=140))
+    stack = Stack(title, "time, s", tuple(panels), (0.0, float(t[-1] - t[0])))
+    return draw_chart(Chart((stack,)), axes)[:, 0]
 
 
 # `FrequencyResponse.plot` and `Result.plot`: magnitude, phase and coherence, with the models over them.
 
 
-RESPONSE_ROWS = ("magnitude", "phase", "coherence")
-HEIGHTS = {"height_ratios": (3, 2.4, 1.3), "sharex": "col"}
-
-
 def draw_one_response(f: FrequencyResponse, axes: Any) -> Any:
     """Axes (3,) of magnitude, phase and coherence."""
-    with panels(axes, (3, 1), RESPONSE_ROWS, (6.0, 5.6), **HEIGHTS) as found:
-        draw_response(found[:, 0], f, _span([f]))
-        if f.input != "delta":
-            found[0, 0].set_title(f"{f.output} / {f.input}, {f.unit}")
-        found[0, 0].legend()
-    return found[:, 0]
+    return draw_chart(Chart((response_stack(f),)), axes)[:, 0]
 
 
 def draw_responses(
@@ -195,21 +220,9 @@ def draw_responses(
         raise UsageError(f"there is no group {group}; the result has {len(result.groups)} group(s) of runs")
     of = result.groups[group]
     wanted = _known(outputs, of.responses, "response")
-    drawn = _drawn_models(result, models)
-    names = [f"{row} of {o}" for row in RESPONSE_ROWS for o in wanted]
-    with panels(axes, (3, len(wanted)), names, (max(6.0, 4.9 * len(wanted)), 6.0), **HEIGHTS) as found:
-        span = _span([of.responses[o] for o in wanted])
-        for k, o in enumerate(wanted):
-            draw_response(found[:, k], of.responses[o], span, of, drawn)
-        found[0, 0].legend(fontsize="small")
-    return found
-
-
-def _drawn_models(result: Identification, names: Sequence[str] | None) -> Mapping[str, ModelResult]:
-    """The models of these names; by default those of the report."""
-    if names is None:
-        return shown_models(result)
-    return {n: result.models[n] for n in _known(names, result.models, "model")}
+    drawn = {n: result.models[n] for n in _known(models, result.models, "model")} if models else None
+    chart = response_chart(of, shown_models(result) if drawn is None else drawn, outputs=wanted)
+    return draw_chart(chart, axes)
 
 
 def _known(names: Sequence[str] | None, known: Mapping[str, Any], what: str) -> list[str]:
@@ -222,78 +235,34 @@ def _known(names: Sequence[str] | None, known: Mapping[str, Any], what: str) -> 
     return wanted
 
 
-def _span(found: Sequence[FrequencyResponse]) -> tuple[float, float]:
-    return 0.93 * float(min(f.w[0] for f in found)), 1.07 * float(max(f.w[-1] for f in found))
-
-
 # `Recording.plot` and `Runs.plot`: the channels over time.
-
-
-STEERING = (("pwm", "steering\nPWM, µs", 1.0), ("delta", "road-wheel\nangle, deg", DEG))
-MORE = (
-    ("phi", "roll angle\ndeg", DEG),
-    ("psi", "heading\ndeg", DEG),
-    ("vy", "lateral\nspeed, m/s", 1.0),
-    ("throttle", "throttle\nPWM, µs", 1.0),
-)
-LABELLED = {row[0]: row for row in (*STEERING, *ROWS, *MORE)}
-RUN_ROW = 1.35  # in
 
 
 def draw_run(run: Recording, channels: Sequence[str] | None, axes: Any) -> Any:
     """Axes (n,) of the channels of one run over the time since its manoeuvre began."""
-    rows = _rows(run, channels)
-    with panels(
-        axes, (len(rows), 1), [r[0] for r in rows], (WIDTH, 0.9 + RUN_ROW * len(rows)), sharex=True
-    ) as found:
-        _column(found[:, 0], run, rows)
-    return found[:, 0]
+    return draw_chart(run_chart(run, channels=_shown(run, channels)), axes)[:, 0]
 
 
 def draw_runs(runs: Sequence[Recording], channels: Sequence[str] | None, axes: Any) -> Any:
     """Axes (channels, runs): a column for each run. UsageError without a run."""
     if not runs:
         raise UsageError("there is no run to draw")
-    rows = [_rows(run, channels or _common(runs)) for run in runs]
-    names = [f"{row[0]} of {run.name}" for row in rows[0] for run in runs]
-    shape, size = (len(rows[0]), len(runs)), (max(WIDTH, 4.2 * len(runs)), 0.9 + RUN_ROW * len(rows[0]))
-    with panels(axes, shape, names, size, sharex="col") as found:
-        for k, run in enumerate(runs):
-            _column(found[:, k], run, rows[k], labelled=k == 0)
-    return found
+    common = [c for c in _shown(runs[0], None) if all(c in run for run in runs)]
+    stacks = [run_chart(run, channels=_shown(run, channels or common)).stacks[0] for run in runs]
+    return draw_chart(Chart(tuple(stacks), len(stacks)), axes)
 
 
-def _common(runs: Sequence[Recording]) -> list[str]:
-    """The channels drawn of the first run that all runs have."""
-    first = [row[0] for row in _rows(runs[0], None)]
-    return [c for c in first if all(c in run for run in runs)]
-
-
-def _rows(run: Recording, channels: Sequence[str] | None) -> list[tuple[str, str, float]]:
-    """(channel, label, factor) of those asked for; by default the steering and the motion."""
+def _shown(run: Recording, channels: Sequence[str] | None) -> list[str]:
+    """The channels asked for; by default the steering and the motion."""
     if channels is None:
-        steering = next((row for row in STEERING if row[0] in run), None)
-        return [row for row in (steering, *ROWS) if row is not None and row[0] in run]
-    wanted = (channels,) if isinstance(channels, str) else tuple(channels)
+        steering = next((c for c in ("pwm", "delta") if c in run), None)
+        return [c for c in (steering, "r", "ay", "p", "speed") if c is not None and c in run]
+    wanted = [channels] if isinstance(channels, str) else list(channels)
     if not wanted:
         raise UsageError(f"no channel is named; choose from {', '.join(run.channels)}")
     if missing := [c for c in wanted if c not in run]:
         raise UsageError(f"{run.name} has no channel {missing[0]!r}; it has {', '.join(run.channels)}")
-    return [LABELLED.get(c, (c, f"{c}\n{run[c].unit}", 1.0)) for c in wanted]
-
-
-def _column(
-    column: Any, run: Recording, rows: Sequence[tuple[str, str, float]], labelled: bool = True
-) -> None:
-    for one, row in zip(column, rows, strict=True):
-        draw_channel(one, run, *row)
-        one.yaxis.set_label_coords(-0.075, 0.5)
-        if not labelled:
-            one.set_ylabel("")
-    speed = f", mean speed {run.mean_speed:.2f} m/s" if "speed" in run else ""
-    column[0].set_title(f"{literal(run.name)}: {run.kind}{speed}")
-    column[-1].set_xlim(-MARGIN, run.span[1] - run.span[0] + MARGIN)
-    column[-1].set_xlabel("time since start of the manoeuvre, s")
+    return wanted
 
 
 # `SpeedIdentification.plot`: throttle and speed over time, with the speed that the law simulates.
@@ -301,19 +270,5 @@ def _column(
 
 def draw_speed(result: SpeedResult, axes: Any) -> Any:
     """Axes (2, runs) of throttle [%] and speed [m/s]."""
-    names = [f"{row} of {run.name}" for row in ("throttle", "speed") for run in result.runs]
-    size = max(6.0, 5.5 * len(result.runs)), 4.6
-    with panels(axes, (2, len(result.runs)), names, size, sharex="col") as found:
-        for k, run in enumerate(result.runs):
-            t = grid_of(run)
-            found[0, k].plot(t - t[0], 100 * run.drive(t), color=DATA, linewidth=0.9)
-            found[1, k].plot(t - t[0], run.speed.on(t), color=DATA, linewidth=0.9, label="measured")
-            if result.fit is not None:
-                _, law = fitted_speed(result.fit, run, result.fit.starts[k])
-                found[1, k].plot(t - t[0], law, label="simulated by the law", **MODEL_LINES["roll-yaw"])
-            found[0, k].set_title(literal(run.name))
-            found[1, k].set_xlabel("time since the sweep began, s")
-        found[0, 0].set_ylabel("throttle, %")
-        found[1, 0].set_ylabel("speed, m/s")
-        found[1, 0].legend()
-    return found
+    stacks = [throttle_run_chart(run, result.fit, k).stacks[0] for k, run in enumerate(result.runs)]
+    return draw_chart(Chart(tuple(stacks), len(stacks)), axes)

@@ -190,12 +190,6 @@ def _text(value: Any, depth: int) -> str:
 
 
 CHANNELS = {**SHORT_NAMES, "vy": "V_y"}
-LONG_CHANNELS = {
-    "r": "yaw rate r, deg/s",
-    "ay": "lateral acc. $a_y$, m/s²",
-    "p": "roll rate p, deg/s",
-    "vy": "lateral velocity $V_y$, m/s",
-}
 
 
 def title(effect: str) -> str:

@@ -1,8 +1,8 @@
-"""The study's folder: study.json, study.html, figures/*.png."""
+"""The study's folder: study.json, study.html, figures/*.svg."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from math import degrees
@@ -12,16 +12,11 @@ from typing import Any
 from rover_sweep.files.replaced import write_file
 from rover_sweep.identification.fit import FitResult
 from rover_sweep.identification.handling import handling, has_handling
-from rover_sweep.identification.pipeline import ModelResult
-from rover_sweep.report.charts.static_svg import ShownChart, by_section, png_source
-from rover_sweep.report.pictures.frequency_response import (
-    history,
-    measured_responses,
-    modelled_responses,
-    verification,
-)
-from rover_sweep.report.pictures.picture import Picture, pngs
+from rover_sweep.report.charts.chart import ChartPlan
+from rover_sweep.report.charts.response_charts import response_chart, run_chart, verification_chart
+from rover_sweep.report.charts.static_svg import ShownChart, by_section, shown_charts
 from rover_sweep.report.templates import environment
+from rover_sweep.report.wording import PAPER as PAPER_UNITS
 from rover_sweep.report.wording import strict_json, versions
 from rover_sweep.study import findings, published
 from rover_sweep.study import findings as parameter_findings
@@ -83,36 +78,30 @@ def rover_sentences(study: Study) -> tuple[str, ...]:
 VERIFIED = {"asphalt": "figure-7", "grass": "figure-8a", "fast": "figure-8b"}
 
 
-def figures(study: Study) -> Iterator[Picture]:
-    """The figures in the paper's order, to be drawn later; the fits are those made as in the paper."""
-    sweep = study.runs.sweeps[0]
-    yield Picture(
-        "figure-2", "recordings", "Figure 2: the sweep and the motion of the rover.", partial(history, sweep)
-    )
+def figures(study: Study) -> Iterator[ChartPlan]:
+    """The figures in the paper's order and units, made later; the fits are those made as in the paper."""
+    caption = "Figure 2: the sweep and the motion of the rover."
+    yield ChartPlan("figure-2", "recordings", caption, partial(run_chart, study.runs.sweeps[0]))
     seen = replace(
         study.paper.group,
         responses={o: replace(f, band=study.coherent[o]) for o, f in study.paper.group.responses.items()},
     )
-    yield Picture(
-        "figure-3",
-        "responses",
+    caption = (
         f"Figure 3: identified frequency responses at {study.paper.group.speed:.2f} m/s on asphalt. "
-        "Orange: where the coherence is at least 0.6.",
-        partial(measured_responses, seen),
+        "Orange: where the coherence is at least 0.6."
     )
+    yield ChartPlan("figure-3", "responses", caption, partial(response_chart, seen, {}, PAPER_UNITS))
     for practice, name in ((study.paper, "figure-6"), (study.known, "figure-6-filters-known")):
         caption = f"Figure 6: the models over the measured responses; {practice.words}."
-        yield Picture(name, "models", caption, partial(modelled_responses, practice.group, _models(practice)))
+        models = {m: practice.result.models[m] for m in MODELS}
+        draw = partial(response_chart, practice.group, models, PAPER_UNITS)
+        yield ChartPlan(name, "models", caption, draw)
     for check, name in VERIFIED.items():
         figure = "Figure 7" if check == "asphalt" else "Figure 8"
         caption = f"{figure}: {CHECKS[check]}, not used in any fit; {study.paper.words}."
         verdicts = {m: study.paper.check(m, check) for m in MODELS}
-        draw = partial(verification, study.runs.checks[check], verdicts)
-        yield Picture(name, "verification", caption, draw)
-
-
-def _models(practice: Practice) -> dict[str, ModelResult]:
-    return {m: practice.result.models[m] for m in MODELS}
+        draw = partial(verification_chart, study.runs.checks[check], verdicts, PAPER_UNITS)
+        yield ChartPlan(name, "verification", caption, draw)
 
 
 # study.json: every number of the study and the published ones.
@@ -206,18 +195,17 @@ def write_study(
 ) -> StudyFiles:
     """Writes all files, each replaced atomically. UsageError if the directory cannot be written."""
     document = write_file(directory / "study.json", strict_json(study_document(study, found)))
-    plan, drawn = tuple(figures(study)), []
-    made = pngs(plan)
-    for k, picture in enumerate(plan):
-        progress(k / len(plan), f"drawing {picture.name}")
-        drawn.append((picture, next(made)))
-    paths = tuple(write_file(directory / "figures" / f"{p.name}.png", data) for p, data in drawn)
-    shown = [ShownChart(p.section, p.caption, source=png_source(data)) for p, data in drawn]
-    page = write_file(directory / "study.html", _page(study, found, shown))
+    plan = tuple(figures(study))
+    drawn = shown_charts(plan, progress)
+    paths = tuple(
+        write_file(directory / "figures" / f"{chart.name}.svg", shown.svg)
+        for chart, shown in zip(plan, drawn, strict=True)
+    )
+    page = write_file(directory / "study.html", _page(study, found, drawn))
     return StudyFiles(document, page, paths)
 
 
-def _page(study: Study, found: tuple[StudyFinding, ...], pictures: list[ShownChart]) -> str:
+def _page(study: Study, found: tuple[StudyFinding, ...], pictures: Sequence[ShownChart]) -> str:
     return (
         environment("study")
         .get_template("study.html.j2")

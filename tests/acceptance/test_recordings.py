@@ -66,7 +66,6 @@ def test_nominal_report_is_whole(nominal):
     assert sorted(p.name for p in (out / "pictures").glob("*.svg"))
 
 
-@pytest.mark.usefixtures("undrawn")
 @pytest.mark.parametrize("kind", ["BIN", "tlog", "pair"])
 def test_factory_filters_are_taken_into_account(data, tmp_path, kind: str):
     def source(n: int) -> str:
@@ -83,7 +82,6 @@ def test_factory_filters_are_taken_into_account(data, tmp_path, kind: str):
     assert "filter" in (tmp_path / "report.html").read_text()
 
 
-@pytest.mark.usefixtures("undrawn")
 def test_other_firmware_and_speed(data, tmp_path):
     sources = ["ardurover-4.5.7/nominal/run1.BIN", f"{NEW}/nominal/run3.BIN"]
     document = identified(
@@ -95,7 +93,6 @@ def test_other_firmware_and_speed(data, tmp_path):
     assert document["models"]["roll-yaw"]["verification"]["tic"] <= 0.07
 
 
-@pytest.mark.usefixtures("undrawn")
 def test_a_kinematic_rover_has_no_tyres(data, tmp_path):
     document = identified(data, tmp_path, [f"{NEW}/stock/run1.BIN"], [f"{NEW}/stock/run2.BIN"])
     assert document["recommended"] == "kinematic"
@@ -109,7 +106,6 @@ def test_a_kinematic_rover_has_no_tyres(data, tmp_path):
     assert "inf %" not in json.dumps(document)
 
 
-@pytest.mark.usefixtures("undrawn")
 def test_the_doublet_in_the_same_call_verifies(data, tmp_path):
     runs = [f"{NEW}/nominal/run1.BIN", f"{NEW}/nominal/run4.BIN"]
     document = identified(data, tmp_path, runs, [], "--models", "bicycle", *FEWER)
@@ -134,7 +130,6 @@ def test_a_run_may_not_judge_itself(data, tmp_path, capsys):
     assert "used both to identify and to verify" in capsys.readouterr().err
 
 
-@pytest.mark.usefixtures("undrawn")
 def test_json_is_the_file(data, tmp_path, capsys):
     source = str(data / NEW / "nominal/run1.BIN")
     vehicle = ["--vehicle", str(data / "rover.toml")]

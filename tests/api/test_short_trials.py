@@ -70,7 +70,6 @@ def test_trials_without_steering_are_left_out(rover: Path, tmp_path: Path) -> No
     assert len(rs.read(source, columns=MAP, vehicle=rover)) == len(SINES)
 
 
-@pytest.mark.usefixtures("undrawn")
 def test_trials_of_constant_steering_are_named_and_left_out(
     rover: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

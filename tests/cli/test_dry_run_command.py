@@ -15,7 +15,6 @@ from program_calls import RunProgram
 SHORT = ("--wmin", "2", "--wmax", "20", "--trec", "10")
 
 
-@pytest.mark.usefixtures("undrawn")
 def test_results_to_stdout_narration_in_order_and_the_truth(
     run_program: RunProgram, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -13,7 +13,6 @@ from rover_sweep.vehicle.events import Event, Sample, StateChanged
 from sitl import launcher
 
 
-@pytest.mark.usefixtures("undrawn")
 def test_runs_are_driven_judged_fetched_and_identified(
     run_program: RunProgram, ready: launcher.Running, tmp_path: Path
 ) -> None:
@@ -50,7 +49,6 @@ def test_runs_are_driven_judged_fetched_and_identified(
     assert exported.code == 0 and json.loads(exported.out)["model"] == "roll-yaw"
 
 
-@pytest.mark.usefixtures("undrawn")
 def test_a_doublet_alone_is_recorded_and_not_identified(
     ready: launcher.Running, run_program: RunProgram, tmp_path: Path
 ) -> None:

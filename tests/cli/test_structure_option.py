@@ -23,7 +23,6 @@ def identify(out: Path, *more: str) -> int:
     return run(["identify", RUN, *common, "--out", str(out), *more])
 
 
-@pytest.mark.usefixtures("undrawn")
 def test_a_structure_stands_beside_the_models(tmp_path: Path) -> None:
     assert identify(tmp_path, "--structure", str(BICYCLE), "--condition-on", "throttle") == 0
     document = json.loads((tmp_path / "identification.json").read_text())

@@ -11,8 +11,8 @@ from rich.console import Console
 
 import rover_sweep as rs
 from rover_sweep.diagnosis.result import LawCurve
+from rover_sweep.report.charts.diagnosis_charts import curves_chart
 from rover_sweep.report.diagnosis.tables import summary
-from rover_sweep.report.pictures.overlay import law_curves
 
 FOLDER = Path(__file__).parents[1] / "data" / "concealed-ardurover" / "f"  # play in the steering
 
@@ -52,7 +52,10 @@ def test_the_curves_are_in_the_report_and_in_its_json(found: rs.FullDiagnosis, t
     found.report(tmp_path)
     assert rs.load_diagnosis(tmp_path).curves == found.curves
     assert 'id="curves"' in (tmp_path / "diagnosis.html").read_text()
-    assert len(law_curves(found.curves).axes) == len(found.curves) == 3
+    steering, *tyres = curves_chart(found.curves).stacks
+    up, down = (line.y for line in steering.panels[0].lines if line.label == "fitted law")
+    assert np.nanmax(down - up) > found.findings[0].parameters["b"].value  # both ways of the loop
+    assert len(tyres) == 2 and all(len(stack.panels[0].spreads) == 1 for stack in tyres)
 
 
 def test_a_terminal_draws_what_bends_and_matplotlib_draws_every_curve(found: rs.FullDiagnosis) -> None:

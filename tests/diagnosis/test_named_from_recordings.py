@@ -13,7 +13,6 @@ SETS = DATA / "concealed-ardurover"
 TRUTH = DATA / "concealed-ardurover-truth"
 
 
-@pytest.mark.usefixtures("undrawn")
 @pytest.mark.parametrize("name", ["a", *(pytest.param(n, marks=pytest.mark.slow) for n in "cf")])
 def test_the_concealed_effect_is_named_and_pays_on_the_fresh_run(name, tmp_path):
     folder = SETS / name

@@ -7,16 +7,16 @@ from dataclasses import replace
 from html import unescape
 from pathlib import Path
 
-import matplotlib.image
 import numpy as np
 import pytest
 from fabricated_diagnoses import ALL, EXPLAINED, NONE, PARTLY
 
 from rover_sweep.data.recording import Note, Recording
 from rover_sweep.diagnosis.result import Diagnosis, Unseen, UpperBound
+from rover_sweep.report.charts.diagnosis_charts import overlay_chart
+from rover_sweep.report.charts.static_svg import svg
 from rover_sweep.report.diagnosis.diagnosis_json import DiagnosisOrigin
 from rover_sweep.report.diagnosis.page import diagnosis_page, planned, write_diagnosis
-from rover_sweep.report.pictures.overlay import overlay_figure
 
 
 def page(found: Diagnosis) -> str:
@@ -67,27 +67,27 @@ def test_text_from_elsewhere_is_no_markup() -> None:
 def test_the_page_needs_no_other_file(tmp_path: Path) -> None:
     files = write_diagnosis(EXPLAINED, tmp_path, DiagnosisOrigin())
     html = files.page.read_text()
-    sources = re.findall(r'src="([^"]{0,30})', html)
-    assert len(sources) == len(planned(EXPLAINED)) and all(s.startswith("data:image/png") for s in sources)
-    assert "default-src 'none'" in html and not re.search(r"(src|href)=\"(?!data:|#)", html)
+    assert html.count("<figure") == len(planned(EXPLAINED)) and "src=" not in html
+    assert "default-src 'none'" in html and not re.search(r"href=\"(?!#)", html)
     assert sorted(p.name for p in tmp_path.iterdir()) == ["diagnosis.html", "diagnosis.json"]
 
 
 def test_the_pictures_are_those_that_can_be_drawn() -> None:
     names = [p.name for p in planned(EXPLAINED)]
-    assert names == ["mismatch-0", "mismatch-1", "mismatch-2", "overlay-0", "overlay-1", "scores"]
+    assert names == ["mismatch-0", "mismatch-1", "mismatch-2", "overlay-0", "overlay-1"]
     assert [p.section for p in planned(EXPLAINED)][3:5] == ["held-out", "fitted"]
     undrawable = replace(EXPLAINED, overlays=(), scores={})  # the second mismatch has no profile of its own
     assert [p.name for p in planned(undrawable)] == ["mismatch-0", "mismatch-2"]
 
 
 @pytest.mark.parametrize("found", [EXPLAINED, PARTLY, NONE], ids=lambda d: d.verdict)
-def test_every_picture_draws(found: Diagnosis, tmp_path: Path) -> None:
+def test_every_picture_has_its_lines_or_bars(found: Diagnosis) -> None:
     for picture in planned(found):
-        path = tmp_path / f"{picture.name}.png"
-        path.write_bytes(picture.png())
-        image = matplotlib.image.imread(path)
-        assert image.shape[1] > 500 and float(np.std(image[..., :3])) > 0.05
+        chart = picture.make()
+        drawn = svg(chart)
+        lines = [line for stack in chart.stacks for panel in stack.panels for line in panel.lines]
+        assert lines and "NaN" not in drawn and "inf" not in drawn
+        assert sum(f'stroke="{line.colour}"' in drawn for line in lines) == len(lines)
 
 
 def test_the_close_up_is_where_before_and_after_differ_most() -> None:
@@ -95,8 +95,9 @@ def test_the_close_up_is_where_before_and_after_differ_most() -> None:
     after = o.before.copy()
     apart = (o.t > 12.0) & (o.t < 13.0)
     after[apart] += 1.0
-    figure = overlay_figure((replace(o, after=after),))
-    low, high = figure.axes[2].get_xlim()
+    whole, part, _ = overlay_chart((replace(o, after=after),)).stacks
+    low, high = part.span
+    assert whole.shades[0][:2] == part.span
     assert low <= 12.02 and high >= 12.98 - 1e-9 and high - low < 6.0
 
 
@@ -108,13 +109,19 @@ def test_gaps_and_missing_spectra_draw_as_well() -> None:
     bare = replace(whole, channel="vy", w=none, residual_before=none, residual_after=none, noise=0.0)
     empty = replace(whole, run="run9", t=none, measured=none, before=none, after=none)
     low = replace(EXPLAINED.mismatch[1], band=(0.0, 3.0))
-    scores = {"servo_lag": float("nan"), "roll_steer": -2.0, "imu_offset": float("inf")}
-    found = replace(EXPLAINED, overlays=(holed, bare, empty), mismatch=(low,), scores=scores)
-    assert [p.name for p in planned(found)] == ["overlay-0", "scores"]  # no spectrum of a_y is there
-    drawn = [picture.png() for picture in planned(found)]
-    assert all(data.startswith(b"\x89PNG") for data in drawn)
+    found = replace(EXPLAINED, overlays=(holed, bare, empty), mismatch=(low,))
+    assert [p.name for p in planned(found)] == ["overlay-0"]  # no spectrum of a_y is there
     shaded = replace(EXPLAINED, mismatch=(replace(low, channel="r"),))
-    assert planned(shaded)[0].png().startswith(b"\x89PNG")
+    for picture in (*planned(found), planned(shaded)[0]):
+        assert "nan" not in svg(picture.make()).lower()
+
+
+def test_candidates_are_listed_by_their_score_and_those_named_are_marked() -> None:
+    scores = {"servo_lag": float("nan"), "roll_steer": -2.0, EXPLAINED.findings[0].effect: 3.0}
+    html = page(replace(EXPLAINED, scores=scores))
+    rows = re.findall(r"<tr>(.*?)</tr>", html[html.index("All candidates") :])[:3]
+    assert EXPLAINED.findings[0].effect in rows[0] and "named" in rows[0]
+    assert all(">0</td>" in row for row in rows[1:])
 
 
 def test_all_bounds_are_in_a_table() -> None:
@@ -131,7 +138,7 @@ def test_an_unknown_law_is_drawn_with_its_worth_on_the_held_out_run() -> None:
     found = ALL["unexplained"]
     assert found.unknown and found.unknown.curves
     (picture,) = [p for p in planned(found) if p.name == "unknown-law"]
-    assert picture.png().startswith(b"\x89PNG")
+    assert len(picture.make().stacks) == len(found.unknown.curves)
     assert "run4, held out: mean square 4.6 times the noise without the law, 1.2 with it" in page(found)
     assert not [p for p in planned(PARTLY) if p.name == "unknown-law"]
 

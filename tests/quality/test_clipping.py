@@ -51,7 +51,6 @@ def log(tmp_path_factory: pytest.TempPathFactory, sweep: Recording) -> Path:
     return rewritten(NOMINAL / "run1.BIN", out, {("IMU", "GyrZ"): lambda x: min(max(x, -limit), limit)})
 
 
-@pytest.mark.usefixtures("undrawn")
 def test_the_commands_say_it(log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert program(["coherence", "--json", str(log)]) == 0
     (verdict,) = json.loads(capsys.readouterr().out)

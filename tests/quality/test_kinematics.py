@@ -111,7 +111,6 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return rewritten(NOMINAL / "run1.BIN", out, {("IMU", "GyrX"): lambda x: -x})
 
 
-@pytest.mark.usefixtures("undrawn")
 def test_the_commands_say_which_channel_to_leave_out(
     log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

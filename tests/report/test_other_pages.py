@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from rover_sweep.comparison.answer import Bode
-from rover_sweep.report.charts.response_charts import bode_chart
+from rover_sweep.report.charts.diagnosis_charts import bode_chart
 from rover_sweep.report.season.season_page import shown_courses, vehicle_page
 from rover_sweep.season.season_result import DayValue, TrackedQuantity, VehicleSeason
 

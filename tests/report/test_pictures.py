@@ -1,55 +1,45 @@
-"""The pictures show the data, the models with the known filters, units, and nothing else."""
+"""The charts show the data, the models with the known filters, units, and nothing else."""
 
 from __future__ import annotations
 
-import io
+from collections.abc import Iterator
 from dataclasses import replace
-from functools import partial
 from typing import Any
 
 import numpy as np
 import pytest
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
-from matplotlib.image import imread
 
+from rover_sweep.report.charts.chart import MODELS, Chart, Curve, Panel, Stack
+from rover_sweep.report.charts.response_charts import response_chart, run_chart, verification_chart
 from rover_sweep.report.identification.page import planned, shown_models
-from rover_sweep.report.pictures.frequency_response import (
-    history,
-    measured_responses,
-    modelled_responses,
-    verification,
-)
-from rover_sweep.report.pictures.picture import MODEL_LINES, Picture
 
 
-def figures_of(case: Any) -> dict[str, Picture]:
-    """The pictures of the paper's figures, as the study draws them."""
+def charts_of(case: Any) -> dict[str, Chart]:
+    """The charts of the paper's figures."""
     group, models = case.result.groups[0], shown_models(case.result)
     verdicts = {n: m.verification[0] for n, m in models.items() if m.verification}
-    run = case.provenance.verify_runs[0]
-    made = {
-        "models": partial(modelled_responses, group, models),
-        "responses": partial(measured_responses, group),
-        "verification": partial(verification, run, verdicts),
+    return {
+        "models": response_chart(group, models),
+        "responses": response_chart(group, {}),
+        "verification": verification_chart(case.provenance.verify_runs[0], verdicts),
     }
-    return {name: Picture(name, "", "", make) for name, make in made.items()}
 
 
 @pytest.fixture(scope="module")
-def pictures(nominal: Any) -> dict[str, Picture]:
-    return figures_of(nominal)
+def charts(nominal: Any) -> dict[str, Chart]:
+    return charts_of(nominal)
 
 
-def line(axes: Axes, label: str) -> np.ndarray:
-    """(n, 2) x and y of the line of that label."""
-    found = next(item for item in axes.get_lines() if item.get_label() == label)
-    return np.column_stack((np.asarray(found.get_xdata()), np.asarray(found.get_ydata())))
+def stack(chart: Chart, words: str) -> Stack:
+    return next(s for s in chart.stacks if words in s.title)
 
 
-def panel(figure: Figure, words: str) -> Axes:
-    """The panel whose title or label has the words."""
-    return next(a for a in figure.axes if words in a.get_title(loc="left") + a.get_ylabel())
+def panels(chart: Chart) -> Iterator[Panel]:
+    return (panel for s in chart.stacks for panel in s.panels)
+
+
+def line(panel: Panel, label: str) -> Curve:
+    return next(item for item in panel.lines if item.label == label)
 
 
 def test_there_is_one_for_each_run_the_models_their_errors_and_the_verification(nominal: Any) -> None:
@@ -57,98 +47,74 @@ def test_there_is_one_for_each_run_the_models_their_errors_and_the_verification(
     assert names == ["models", "errors", "verification-run4", "history-run1", "history-run2", "history-run4"]
 
 
-def test_model_lines_are_the_models_with_the_sensors_filters(
-    pictures: dict[str, Picture], nominal: Any
-) -> None:
-    figure = pictures["models"].figure()
+def test_model_lines_are_the_models_with_the_sensors_filters(charts: dict[str, Chart], nominal: Any) -> None:
     group = nominal.result.groups[0]
+    magnitude = stack(charts["models"], "yaw rate r").panels[0]
     w = group.responses["r"].w
     for name in ("bicycle", "roll-yaw", "lumped"):
         structure = nominal.result.models[name].fit.structure
         h = structure.response(w, group.speed, "r", group.runs[0].filters)
-        shown = line(panel(figure, "yaw rate r / steering"), f"{name} model")
-        np.testing.assert_allclose(shown[:, 1], 20 * np.log10(np.abs(h)))
-    measured = line(panel(figure, "yaw rate r / steering"), "measured")
-    np.testing.assert_allclose(measured[:, 1], group.responses["r"].magnitude_db)
-    assert "bicycle model" not in [item.get_label() for item in panel(figure, "roll rate p").get_lines()]
+        np.testing.assert_allclose(line(magnitude, f"{name} model").y, 20 * np.log10(np.abs(h)))
+    np.testing.assert_allclose(line(magnitude, "measured").y, group.responses["r"].magnitude_db)
+    roll = stack(charts["models"], "roll rate p").panels[0]
+    assert "bicycle model" not in [item.label for item in roll.lines]
 
 
-def test_phase_of_the_models_lies_beside_that_of_the_data(pictures: dict[str, Picture]) -> None:
-    for axes in pictures["models"].figure().axes:
-        if axes.get_ylabel() == "phase, deg":
-            drawn = [np.asarray(item.get_ydata()) for item in axes.get_lines()]
-            measured, *models = [y for y in drawn if y.size > 10]
-            assert models and all(abs(np.median(y - measured)) < 60 for y in models)
+def test_phase_of_the_models_lies_beside_that_of_the_data(charts: dict[str, Chart]) -> None:
+    phases = [p for p in panels(charts["models"]) if p.label == "phase, deg"]
+    assert phases
+    for panel in phases:
+        measured, *models = panel.lines
+        assert models and all(abs(np.median(m.y - measured.y)) < 60 for m in models)
 
 
 def test_frequency_axes_are_logarithmic_in_rad_per_s_and_mark_the_usable_band(
-    pictures: dict[str, Picture], nominal: Any
+    charts: dict[str, Chart], nominal: Any
 ) -> None:
-    figure = pictures["responses"].figure()
-    assert len(figure.axes) == 12
-    assert all(a.get_xscale() == "log" for a in figure.axes)
-    assert sum(a.get_xlabel() == "frequency, rad/s" for a in figure.axes) == 4
-    lines = panel(figure, "lateral velocity rate").get_lines()[1:]
-    edges = [float(np.asarray(item.get_xdata())[0]) for item in lines]
+    stacks = charts["responses"].stacks
+    assert len(stacks) == 4 and len(list(panels(charts["responses"]))) == 12
+    assert all(s.kind == "log" and s.x_label == "frequency, rad/s" for s in stacks)
+    edges = [x for x, _ in stack(charts["responses"], "lateral velocity rate").marks]
     assert edges == pytest.approx(nominal.result.groups[0].responses["vydot"].band)
 
 
-def test_verification_shows_the_overlays_with_j_rms_and_tic(
-    pictures: dict[str, Picture], nominal: Any
-) -> None:
-    figure = pictures["verification"].figure()
+def test_verification_shows_the_overlays_with_j_rms_and_tic(charts: dict[str, Chart], nominal: Any) -> None:
+    (shown,) = charts["verification"].stacks
     verdict = nominal.result.models["roll-yaw"].verification[0]
-    label = f"roll-yaw: $J_{{rms}}$ {verdict.j_rms:.2f}, TIC {verdict.tic:.3f}"
-    for overlay, words in zip(
-        verdict.overlays, ("yaw rate r\ndeg/s", "ft/s²", "roll rate p\ndeg/s"), strict=True
-    ):
-        np.testing.assert_array_equal(line(panel(figure, words), label)[:, 1], overlay.model)
-        np.testing.assert_array_equal(line(panel(figure, words), "measured")[:, 1], overlay.measured)
+    assert f"roll-yaw: J_rms {verdict.j_rms:.2f}, TIC {verdict.tic:.3f}" in shown.title
+    for overlay, panel in zip(verdict.overlays, shown.panels[1:], strict=True):
+        factor = 0.3048 if overlay.unit.startswith("ft") else 1.0
+        assert ("m/s²" if factor < 1 else "deg/s") in panel.label
+        np.testing.assert_allclose(line(panel, "roll-yaw").y, factor * overlay.model)
+        np.testing.assert_allclose(line(panel, "measured").y, factor * overlay.measured)
 
 
 def test_time_history_is_in_degrees_and_begins_with_the_manoeuvre(nominal: Any) -> None:
     run = nominal.result.groups[0].runs[0]
-    figure = history(run)
-    assert [a.get_ylabel().split("\n")[-1] for a in figure.axes] == [
-        "PWM, µs",
-        "deg/s",
-        "m/s²",
-        "deg/s",
-        "m/s",
-    ]
-    shown = figure.axes[1].get_lines()[0]
-    inside = (np.asarray(shown.get_xdata()) >= 0) & (
-        np.asarray(shown.get_xdata()) <= run.span[1] - run.span[0]
-    )
-    np.testing.assert_allclose(np.asarray(shown.get_ydata())[inside], np.degrees(run.manoeuvre("r").x))
+    (shown,) = run_chart(run).stacks
+    assert [p.label.split(", ")[-1] for p in shown.panels] == ["µs", "deg", "deg/s", "m/s²", "deg/s", "m/s"]
+    rate = shown.panels[2]
+    inside = (rate.x >= 0) & (rate.x <= run.span[1] - run.span[0])
+    np.testing.assert_allclose(rate.lines[0].y[inside], np.degrees(run.manoeuvre("r").x))
 
 
-def test_models_differ_in_colour_and_in_line_style() -> None:
-    assert len({s["color"] for s in MODEL_LINES.values()}) == len(MODEL_LINES)
-    assert len({str(s["linestyle"]) for s in MODEL_LINES.values()}) == len(MODEL_LINES)
+def test_models_differ_in_colour_and_in_dashes() -> None:
+    assert len({s["colour"] for s in MODELS.values()}) == len(MODELS)
+    assert len({s.get("dash") for s in MODELS.values()}) == len(MODELS)
 
 
 def test_a_rejected_model_is_not_drawn(stock: Any) -> None:
-    pictures = figures_of(stock)
-    labels = {item.get_label() for a in pictures["models"].figure().axes for item in a.get_lines()}
+    labels = {item.label for panel in panels(charts_of(stock)["models"]) for item in panel.lines}
     assert "kinematic model" in labels and "bicycle model" not in labels
 
 
 def test_a_response_without_a_band_is_drawn_with_its_phase_within_half_a_turn(stock: Any) -> None:
-    pictures = figures_of(stock)
-    figure = pictures["responses"].figure()
-    k = figure.axes.index(panel(figure, "roll rate p"))
-    assert "no usable band" in figure.axes[k].get_title(loc="left")
-    assert np.max(np.abs(figure.axes[k + 1].get_lines()[0].get_ydata())) <= 180
+    shown = stack(charts_of(stock)["responses"], "roll rate p")
+    assert "no usable band" in shown.title
+    assert np.max(np.abs(shown.panels[1].lines[0].y)) <= 180
 
 
 def test_runs_of_the_same_name_get_pictures_of_different_names(nominal: Any) -> None:
     again = replace(nominal.provenance, verify_runs=nominal.result.groups[0].runs)
     names = [p.name for p in planned(nominal.result, again)]
     assert len(set(names)) == len(names) and "history-run1-2" in names
-
-
-def test_a_picture_is_a_png_as_wide_as_the_page_and_the_same_each_time(pictures: dict[str, Picture]) -> None:
-    data = pictures["verification"].png()
-    assert imread(io.BytesIO(data)).shape[1] > 1100
-    assert data == pictures["verification"].png()

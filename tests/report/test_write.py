@@ -43,7 +43,6 @@ def test_a_rejected_model_is_not_exported(reports: dict[str, Path]) -> None:
     assert [p.name for p in (reports["stock"] / "models").iterdir()] == ["kinematic.json"]
 
 
-@pytest.mark.usefixtures("undrawn")
 def test_writing_again_removes_what_is_no_longer_true_tells_its_progress_and_keeps_other_files(
     stock: Any, tmp_path: Path
 ) -> None:
@@ -79,7 +78,6 @@ def test_a_write_that_fails_leaves_the_old_file_and_nothing_else(
     assert path.read_text() == "old" and list(tmp_path.iterdir()) == [path]
 
 
-@pytest.mark.usefixtures("undrawn")
 def test_a_place_that_is_no_folder_is_a_usage_error(stock: Any, tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(UsageError, match="cannot be written"):
@@ -96,7 +94,6 @@ def test_runs_that_carry_no_model_still_make_a_report_that_says_so(nominal: Any,
     assert "pictures/responses.svg" in names(tmp_path) and "pictures/models.svg" not in names(tmp_path)
 
 
-@pytest.mark.usefixtures("undrawn")
 def test_a_failure_leaves_the_old_report_whole_or_no_identification_json(
     stock: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

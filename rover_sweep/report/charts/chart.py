@@ -13,12 +13,13 @@ from numpy.typing import NDArray
 
 from rover_sweep.data.recording import Array
 
-XAxis = Literal["linear", "log", "date"]
+XAxis = Literal["linear", "log", "date", "words"]
 
 
 @dataclass(frozen=True, eq=False)
 class Curve:
-    """y (n,) over the panel's x, NaN for a gap. dash: px; step: a staircase; dots: markers without a line."""
+    """y (n,) over the panel's x, NaN for a gap. dash: px; step: a staircase; dots: markers without a line;
+    bars: from 0 to y."""
 
     label: str
     y: Array
@@ -27,6 +28,7 @@ class Curve:
     width: float = 1.4
     step: bool = False
     dots: bool = False
+    bars: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,7 +58,8 @@ class Panel:
 
 @dataclass(frozen=True, eq=False)
 class Stack:
-    """Panels below each other over one x axis from span[0] to span[1]. For dates x is s since 1970 (UTC).
+    """Panels below each other over one x axis from span[0] to span[1]. For dates x is s since 1970 (UTC),
+    for words the index of one of `labels`.
 
     shades: (from, to, colour); marks: (x, colour) of vertical lines.
     """
@@ -68,24 +71,28 @@ class Stack:
     kind: XAxis = "linear"
     shades: tuple[tuple[float, float, str], ...] = ()
     marks: tuple[tuple[float, str], ...] = ()
+    labels: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
 class Chart:
-    """Stacks in rows of `columns`."""
+    """Stacks in rows of `columns`. width: px of the static picture."""
 
     stacks: tuple[Stack, ...]
     columns: int = 1
+    width: int = 1000
 
 
 @dataclass(frozen=True, eq=False)
 class ChartPlan:
-    """A chart of a report, made when needed. name: of its file; section: of its page."""
+    """A chart of a report, made when needed. name: of its file; section: of its page; interactive: with the
+    data that the page's script draws."""
 
     name: str
     section: str
     caption: str
     make: Callable[[], Chart]
+    interactive: bool = True
 
 
 # Colours, dashes and plain labels of the charts: Okabe and Ito's palette, distinct in print too.
@@ -108,7 +115,11 @@ CHANNEL_WORDS = {
     "ay": "lateral acc. a_y, m/s²",
     "p": "roll rate p, deg/s",
     "speed": "speed V, m/s",
-    "vy": "lateral velocity, m/s",
+    "vy": "lateral velocity V_y, m/s",
+    "vydot": "lateral velocity rate V̇_y, m/s²",
+    "phi": "roll angle, deg",
+    "psi": "heading, deg",
+    "throttle": "throttle output, µs",
 }
 RESPONSE_WORDS = {
     "r": "yaw rate r",
@@ -125,6 +136,17 @@ def model_colours(name: str, names: Collection[str]) -> dict[str, Any]:
         return MODELS[name]
     place = [n for n in names if n not in MODELS].index(name)
     return {"colour": OWN[place % len(OWN)], "dash": (4, 2, 1, 2)}
+
+
+def shown_limits(panel: Panel) -> tuple[float, float]:
+    """The limits of y: those given, else all data with a margin."""
+    if panel.limits:
+        return panel.limits
+    values = [item.y for item in panel.lines] + [y for s in panel.spreads for y in (s.low, s.high)]
+    known = np.concatenate([v[np.isfinite(v)] for v in values]) if values else np.zeros(0)
+    low, high = (float(known.min()), float(known.max())) if known.size else (0.0, 1.0)
+    spare = 0.08 * (high - low) or 0.5
+    return low - spare, high + spare
 
 
 # Fewer points of long lines, such that every peak stays.

@@ -53,8 +53,9 @@
     };
   }
   function options(stack, panel, width, key, last, moved) {
-    const log = stack.kind === "log", dates = stack.kind === "date";
-    const series = [{ label: "at", class: last ? "at" : "edge", value: (u, v) => dates ? day(v) : words(v) }], bands = [];
+    const log = stack.kind === "log", dates = stack.kind === "date", names = stack.kind === "words";
+    const across = v => dates ? day(v) : names ? stack.labels[Math.round(v)] || "" : words(v);
+    const series = [{ label: "at", class: last ? "at" : "edge", value: (u, v) => v == null ? "" : across(v) }], bands = [];
     for (const s of panel.spreads) {
       for (const end of ["high", "low"])
         series.push({ label: s.label + ", " + end, class: "edge", stroke: s.colour, width: 0, points: { show: false }, value: (u, v) => words(v) });
@@ -63,7 +64,8 @@
     for (const l of panel.lines) {
       series.push({
         label: l.label, stroke: l.colour, width: l.dots ? 0 : l.width, dash: l.dash.length ? l.dash : undefined,
-        paths: l.dots ? () => null : l.step ? uPlot.paths.stepped({ align: 1 }) : undefined,
+        fill: l.bars ? l.colour : undefined,
+        paths: l.bars ? uPlot.paths.bars({ size: [0.5, 60] }) : l.dots ? () => null : l.step ? uPlot.paths.stepped({ align: 1 }) : undefined,
         points: l.dots ? { show: true, size: panel.values ? 3 : 6, fill: l.colour } : { show: false }, value: (u, v) => words(v),
       });
     }
@@ -82,8 +84,8 @@
       },
       axes: [
         { show: true, size: last ? 30 : 8, gap: 2, ticks: { size: 4 }, stroke: "#444", font: "12px system-ui",
-          splits: log ? (u, i, a, b) => decades(a, b) : undefined, filter: (u, s) => s, space: 45,
-          values: (u, v) => last ? v.map(x => dates ? day(x).slice(5) : words(x)) : v.map(() => "") },
+          splits: log ? (u, i, a, b) => decades(a, b) : names ? () => stack.labels.map((_, k) => k) : undefined, filter: (u, s) => s, space: 45,
+          values: (u, v) => last ? v.map(x => dates ? day(x).slice(5) : across(x)) : v.map(() => "") },
         { size: 52, gap: 2, label: panel.label, labelSize: 18, labelGap: 0, stroke: "#444", space: 24, ticks: { size: 4 },
           font: "12px system-ui", labelFont: "12px system-ui", values: (u, v) => v.map(words) },
       ],

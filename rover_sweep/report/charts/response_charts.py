@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
-from typing import Any
+from types import MappingProxyType
 
 import numpy as np
 
-from rover_sweep.comparison.answer import Bode
 from rover_sweep.data.recording import Array, Recording, ThrottleRun
-from rover_sweep.diagnosis.result import TimeHistory
 from rover_sweep.gains.speed_chain import BEFORE as STEP_AT
 from rover_sweep.gains.speed_chain import driven_step
 from rover_sweep.gains.speed_proposal import AssessedSpeed, SpeedProposal
@@ -36,7 +34,7 @@ from rover_sweep.report.charts.chart import (
     Stack,
     model_colours,
 )
-from rover_sweep.report.wording import FOOT, SHORT_NAMES, SI, ShownUnits
+from rover_sweep.report.wording import FOOT, SI, ShownUnits
 from rover_sweep.season.season_result import Drift, TrackedQuantity
 from rover_sweep.spectra.response import (
     COHERENCE_GOOD,
@@ -48,11 +46,15 @@ from rover_sweep.spectra.response import (
 from rover_sweep.spectra.windowed import Complex
 
 Models = Mapping[str, ModelResult]
+_NONE: Models = MappingProxyType({})
 
 
-def response_chart(group: Group, models: Models, units: ShownUnits = SI) -> Chart:
+def response_chart(
+    group: Group, models: Models, units: ShownUnits = SI, outputs: Sequence[str] | None = None
+) -> Chart:
     """Magnitude, phase (with two standard deviations) and coherence, measured and of the models."""
-    return Chart(tuple(_bode(f, group, models, units) for f in group.responses.values()), columns=2)
+    shown = [group.responses[o] for o in (group.responses if outputs is None else outputs)]
+    return Chart(tuple(response_stack(f, group, models, units) for f in shown), columns=2)
 
 
 def error_chart(group: Group, models: Models) -> Chart:
@@ -61,7 +63,9 @@ def error_chart(group: Group, models: Models) -> Chart:
     return Chart(tuple(_error(f, group, models) for f in having), columns=2)
 
 
-def _lines(f: FrequencyResponse, group: Group, models: Models) -> dict[str, Complex]:
+def _lines(f: FrequencyResponse, group: Group | None, models: Models) -> dict[str, Complex]:
+    if group is None:
+        return {}
     filters = group.runs[0].filters
     return {
         name: m.fit.structure.response(f.w, group.speed, f.output, filters)
@@ -70,7 +74,10 @@ def _lines(f: FrequencyResponse, group: Group, models: Models) -> dict[str, Comp
     }
 
 
-def _bode(f: FrequencyResponse, group: Group, models: Models, units: ShownUnits) -> Stack:
+def response_stack(
+    f: FrequencyResponse, group: Group | None = None, models: Models = _NONE, units: ShownUnits = SI
+) -> Stack:
+    """One response; models only with the group of f."""
     error = np.clip(2 * np.nan_to_num(f.random_error, nan=1.0), 0, 0.95)
     more = units.db(f.unit)
     db, deg, spread = f.magnitude_db + more, unwrapped_phase(f.h, f), np.degrees(np.arcsin(error))
@@ -142,12 +149,15 @@ def _error(f: FrequencyResponse, group: Group, models: Models) -> Stack:
     return Stack(title, "frequency, rad/s", (panel,), (0.97 * low, 1.03 * high), "log")
 
 
-def _title(f: FrequencyResponse, group: Group, models: Models, units: ShownUnits) -> str:
+def _title(f: FrequencyResponse, group: Group | None, models: Models, units: ShownUnits) -> str:
     """The response and its unit, and J of each model."""
     without = f" without {', '.join(f.conditioned_on)}" if f.conditioned_on else ""
-    what = f"{RESPONSE_WORDS[f.output]} / steering{without}, {units.words(f.unit.replace('^2', '²'))}"
+    output, over = RESPONSE_WORDS.get(f.output, f.output), "steering" if f.input == "delta" else f.input
+    what = f"{output} / {over}{without}, {units.words(f.unit.replace('^2', '²'))}"
     if not f.band:
         return f"{what}: no usable band"
+    if group is None:
+        return what
     seen = [group.condition((f.output,))]
     having = {n: m.fit.structure for n, m in models.items() if f.output in m.fit.structure.outputs}
     grades = [f"{name} {costs(structure, seen)[f.output]:.1f}" for name, structure in having.items()]
@@ -163,72 +173,23 @@ def limits_around(values: list[Array], least: float) -> tuple[float, float]:
     return low - spare, high + spare
 
 
-# One run measured and simulated before and after, its residual, and the residual over frequency.
-
-
-def overlay_chart(channels: Sequence[TimeHistory], changed: bool = True) -> Chart:
-    """Time histories with residuals, then the spectra. changed: also the simulation after the findings."""
-    run = channels[0]
-    panels = [panel for o in channels for panel in _histories(o, changed)]
-    start, end = 0.0, max(float(o.t[-1] - o.t[0]) for o in channels)
-    stacks = [Stack(run.run, "time, s", tuple(panels), (start, end))]
-    spectra = [o for o in channels if o.w.size > 1]
-    if spectra:
-        span = 0.97 * float(min(o.w[0] for o in spectra)), 1.03 * float(max(o.w[-1] for o in spectra))
-        shown = tuple(_spectrum(o, changed) for o in spectra)
-        stacks.append(Stack("Residual over frequency", "frequency, rad/s", shown, span, "log"))
-    return Chart(tuple(stacks))
-
-
-def _histories(o: TimeHistory, changed: bool) -> tuple[Panel, Panel]:
-    f = 180 / np.pi if o.channel in ("r", "p") else 1.0
-    t, noise = o.t - o.t[0], 2 * o.noise * f
-    word = CHANNEL_WORDS.get(o.channel, o.channel)
-    first = "before" if changed else "model"
-    lines = [Curve("measured", o.measured * f, DATA, width=1.0), Curve(first, o.before * f, **BEFORE)]
-    left = [Curve(f"residual {first}", (o.measured - o.before) * f, BEFORE["colour"], width=1.0)]
-    if changed:
-        lines.append(Curve("after", o.after * f, **AFTER))
-        left.append(Curve("residual after", (o.measured - o.after) * f, AFTER["colour"], width=1.0))
-    unit = word.rpartition(", ")[2]
-    return (
-        Panel(word, t, tuple(lines), height=150),
-        Panel(f"residual, {unit}", t, tuple(left), levels=(-noise, noise), height=100),
-    )
-
-
-def _spectrum(o: TimeHistory, changed: bool) -> Panel:
-    before, after = np.sqrt(o.residual_before), np.sqrt(o.residual_after)
-    lines = [Curve("before" if changed else "model", before, **BEFORE)]
-    lines += [Curve("after", after, **AFTER)] if changed else []
-    top = max(float(np.nanmax(line.y)) for line in lines)
-    limits = (0.0, max(1.1 * top, 3.0))
-    return Panel(
-        f"{SHORT_NAMES.get(o.channel, o.channel)}, times noise",
-        o.w,
-        tuple(lines),
-        limits=limits,
-        levels=(1.0,),
-        height=110,
-    )
-
-
 # Time histories of a run.
 
 
 MARGIN = 4.0  # s shown before and after the manoeuvre
-DEGREES = ("delta", "r", "p")
+DEGREES = ("delta", "r", "p", "phi", "psi")
 
 
-def run_chart(run: Recording, units: ShownUnits = SI) -> Chart:
+def run_chart(run: Recording, units: ShownUnits = SI, channels: Sequence[str] | None = None) -> Chart:
     """Steering, yaw rate, lateral acceleration, roll rate and speed over time since the manoeuvre began."""
     start, end = run.span
-    names = [c for c in ("pwm", "delta", "r", "ay", "p", "speed") if c in run]
+    names = channels or [c for c in ("pwm", "delta", "r", "ay", "p", "speed") if c in run]
     panels = tuple(_panel(run, name, units) for name in names)
     length = end - start
     quiet = [(a - start, b - start, QUIET) for a, b in (*run.standstill, *run.straight)]
     outside = [(-MARGIN, 0.0, OUTSIDE), (length, length + MARGIN, OUTSIDE)]
-    title = f"{run.name}: {run.kind}, mean speed {run.mean_speed:.2f} m/s"
+    speed = f", mean speed {run.mean_speed:.2f} m/s" if "speed" in run else ""
+    title = f"{run.name}: {run.kind}{speed}"
     span = (-MARGIN, length + MARGIN)
     shades = (
         *outside,
@@ -244,9 +205,10 @@ def _panel(run: Recording, name: str, units: ShownUnits) -> Panel:
     inside = run.manoeuvre(name).x
     x = (inside if inside.size else shown.x) * factor
     spare = 0.12 * (float(np.ptp(x)) or 1.0)  # limits of the manoeuvre: start and stop do not compress it
-    line = Curve(CHANNEL_WORDS[name].partition(",")[0], shown.x * factor, DATA, width=1.0, step=shown.hold)
+    words = CHANNEL_WORDS.get(name, f"{name}, {shown.unit}")
+    line = Curve(words.partition(",")[0], shown.x * factor, DATA, width=1.0, step=shown.hold)
     limits = float(x.min()) - spare, float(x.max()) + spare
-    return Panel(units.words(CHANNEL_WORDS[name]), shown.t - start, (line,), limits=limits, height=84)
+    return Panel(units.words(words), shown.t - start, (line,), limits=limits, height=84)
 
 
 # The quantities of a vehicle over the days of a season.
@@ -333,45 +295,6 @@ def _channel(channel: str, verdicts: Mapping[str, Verification], start: float, u
 def _at(t: Array, y: Array, grid: Array) -> Array:
     """The values on the grid of the first model; the same one unless their runs differ."""
     return y if t.size == grid.size else np.interp(grid, t, y)
-
-
-# Responses of recording and simulation, before and after, over each other.
-
-
-def bode_chart(responses: Sequence[Bode]) -> Chart:
-    """Magnitude, phase and coherence of each response; outside of the coherent band shaded."""
-    return Chart(tuple(_stack(b) for b in responses), columns=2)
-
-
-def _stack(b: Bode) -> Stack:
-    low, high = b.band or (float(b.w[0]), float(b.w[-1]))
-    inside = (b.w >= low * 0.999) & (b.w <= high * 1.001)
-    styles: dict[str, tuple[Complex, dict[str, Any]]] = {
-        "recorded": (b.recorded, {"colour": DATA, "width": 2.0}),
-        "before": (b.before, BEFORE),
-        "after": (b.after, AFTER),
-    }
-    db = {n: 20 * np.log10(np.maximum(np.abs(h), 1e-9)) for n, (h, _) in styles.items()}
-    deg = {n: np.degrees(np.unwrap(np.angle(h))) for n, (h, _) in styles.items()}
-    deg = {n: y - 360.0 * np.round(float(y[inside][0]) / 360.0) for n, y in deg.items()}
-    panels = [
-        Panel(
-            words,
-            b.w,
-            tuple(Curve(n, y, **styles[n][1]) for n, y in values.items()),
-            limits=limits_around([y[inside] for y in values.values()], least),
-            height=height,
-        )
-        for words, values, least, height in (("magnitude, dB", db, 20, 150), ("phase, deg", deg, 100, 130))
-    ]
-    panels.append(
-        Panel("coherence", b.w, (Curve("coherence", b.coherence, DATA),), limits=(0.0, 1.04), height=70)
-    )
-    shades = ((1e-3, low, OUTSIDE), (high, 1e4, OUTSIDE)) if b.band else ()
-    marks = ((low, MARK), (high, MARK)) if b.band else ()
-    title = f"{RESPONSE_WORDS.get(b.output, b.output)} / steering"
-    span = 0.93 * float(b.w[0]), 1.07 * float(b.w[-1])
-    return Stack(title, "frequency, rad/s", tuple(panels), span, "log", shades, marks)
 
 
 # A throttle sweep as it was driven, the speed's response to the throttle, and the predicted step.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import base64
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
@@ -17,9 +17,19 @@ from markupsafe import Markup
 
 from rover_sweep.data.recording import Array
 from rover_sweep.files.documents import printable
-from rover_sweep.report.charts.chart import Chart, ChartPlan, Curve, Panel, Spread, Stack, kept_points, ticks
+from rover_sweep.report.charts.chart import (
+    Chart,
+    ChartPlan,
+    Curve,
+    Panel,
+    Spread,
+    Stack,
+    kept_points,
+    shown_limits,
+    ticks,
+)
 
-WIDTH = 1000  # px of the whole picture
+POINTS = 1000  # of a line or an area, about one for each px
 LEFT, RIGHT, TITLE, KEY, FOOT, GAP = 58, 8, 22, 18, 38, 9  # px around the panels of a stack
 BOLD = 7.0  # px of a character of a title, on average
 LINE = 16  # px from one line of a title to the next
@@ -29,7 +39,7 @@ SOFT, GRID = "#555555", "#dddddd"
 
 def svg(chart: Chart) -> str:
     """The whole chart. The same chart gives the same text."""
-    width = (WIDTH - 20 * (chart.columns - 1)) / chart.columns
+    width = (chart.width - 20 * (chart.columns - 1)) / chart.columns
     out, top = [], 0.0
     for k in range(0, len(chart.stacks), chart.columns):
         row = chart.stacks[k : k + chart.columns]
@@ -42,9 +52,9 @@ def svg(chart: Chart) -> str:
             out.append(f'<g transform="{place}">{"".join(texts)}{drawn}</g>')
         top += lower + max(_height(s) for s in row) + 8
     return (
-        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {top:.0f}" '
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {chart.width} {top:.0f}" '
         f'font-family="system-ui, Arial, sans-serif" font-size="12" fill="none">'
-        f'<rect width="{WIDTH}" height="{top:.0f}" fill="#fff"/>{"".join(out)}</svg>'
+        f'<rect width="{chart.width}" height="{top:.0f}" fill="#fff"/>{"".join(out)}</svg>'
     )
 
 
@@ -117,14 +127,16 @@ def _panel(stack: Stack, panel: Panel, box: tuple[float, float, float], last: bo
         return f'<path d="M{across(np.array(x)):.1f} {top}v{panel.height}" {style}/>'
 
     grid = f'stroke="{GRID}" stroke-width=".7"'
-    across_ticks, up_ticks = ticks(*stack.span, stack.kind), ticks(low, high, most=5)
+    across_ticks = list(enumerate(stack.labels)) or ticks(*stack.span, stack.kind)
+    up_ticks = ticks(low, high, most=5)
     yield from (flat(value, grid) for value, _ in up_ticks)
     yield from (upright(value, grid) for value, _ in across_ticks)
     yield from (upright(mark, f'stroke="{colour}" stroke-width="1.2"') for mark, colour in stack.marks)
     yield from (flat(level, 'stroke="#777" stroke-dasharray="4 3"') for level in panel.levels)
     for s in panel.spreads:
         yield from _area(across(panel.x), down(s.low), down(s.high), s.colour)
-    yield from (_line(across(panel.x), down(line.y), line, width) for line in panel.lines)
+    floor = float(down(np.array(0.0)))
+    yield from (_line(across(panel.x), down(line.y), line, width, floor) for line in panel.lines)
     yield "</svg>"
     yield f'<path d="M{left} {top}v{panel.height}h{width:.0f}" stroke="#888"/>'
     small = f' fill="{SOFT}" font-size="11"'
@@ -138,30 +150,24 @@ def _panel(stack: Stack, panel: Panel, box: tuple[float, float, float], last: bo
     )
 
 
-def shown_limits(panel: Panel) -> tuple[float, float]:
-    """The limits of y: those given, else all data with a margin."""
-    if panel.limits:
-        return panel.limits
-    values = [item.y for item in panel.lines] + [y for s in panel.spreads for y in (s.low, s.high)]
-    known = np.concatenate([v[np.isfinite(v)] for v in values]) if values else np.zeros(0)
-    low, high = (float(known.min()), float(known.max())) if known.size else (0.0, 1.0)
-    spare = 0.08 * (high - low) or 0.5
-    return low - spare, high + spare
-
-
 def _area(x: Array, low: Array, high: Array, colour: str) -> Iterator[str]:
     known = np.isfinite(low) & np.isfinite(high)
     if not known.any():
         return
     x, low, high = x[known], low[known], high[known]
-    kept = kept_points([low, high], WIDTH)
+    kept = kept_points([low, high], POINTS)
     points = _points(np.concatenate((x[kept], x[kept][::-1])), np.concatenate((low[kept], high[kept][::-1])))
     yield f'<path d="M{points}z" fill="{colour}" fill-opacity=".75"/>'
 
 
-def _line(x: Array, y: Array, line: Curve, width: float) -> str:
+def _line(x: Array, y: Array, line: Curve, width: float, floor: float) -> str:
+    """The path of a line, of dots, or of bars from y = floor [px]."""
     kept = kept_points([y], int(1.5 * width))
     x, y = x[kept], y[kept]
+    if line.bars:
+        known = np.isfinite(y)
+        bars = "".join(f"M{a:.1f} {floor:.1f}V{b:.1f}" for a, b in zip(x[known], y[known], strict=True))
+        return f'<path d="{bars}" stroke="{line.colour}" stroke-width="{0.5 * width / max(x.size, 2):.0f}"/>'
     if line.dots:
         known = np.isfinite(y)
         dots = "".join(f"M{a:.1f} {b:.1f}h0" for a, b in zip(x[known], y[known], strict=True))
@@ -236,6 +242,7 @@ def _uplot_stack(stack: Stack) -> dict[str, Any]:
         "title": printable(stack.title),
         "xLabel": printable(stack.x_label),
         "kind": stack.kind,
+        "labels": [printable(label) for label in stack.labels],
         "span": list(stack.span),
         "shades": [list(s) for s in stack.shades],
         "marks": [list(m) for m in stack.marks],
@@ -266,23 +273,23 @@ def _uplot_panel(panel: Panel, kind: str) -> dict[str, Any]:
                 "width": item.width,
                 "step": item.step,
                 "dots": item.dots,
+                "bars": item.bars,
             }
             for item in panel.lines
         ],
     }
 
 
-# The pictures of a page in both forms: static (SVG or PNG), and data for the interactive chart.
+# The charts of a page in both forms: static, and data for the interactive chart.
 
 
 @dataclass(frozen=True)
 class ShownChart:
-    """A picture of a page. svg or source (a data URL of a PNG): the static form; data: JSON, "" for none."""
+    """A chart of a page. svg: its static form; data: JSON, "" for none."""
 
     section: str
     caption: str
-    svg: str = ""
-    source: str = ""
+    svg: str
     data: str = ""
 
     @property
@@ -299,12 +306,19 @@ class ShownChart:
 def shown_chart(plan: ChartPlan) -> ShownChart:
     """A chart with its static SVG."""
     chart = plan.make()
-    return ShownChart(plan.section, plan.caption, svg(chart), data=chart_json(chart))
+    return ShownChart(plan.section, plan.caption, svg(chart), chart_json(chart) if plan.interactive else "")
 
 
-def png_source(png: bytes) -> str:
-    """A PNG as a data URL."""
-    return "data:image/png;base64," + base64.b64encode(png).decode("ascii")
+def shown_charts(
+    plans: Sequence[ChartPlan], progress: Callable[[float, str], None] | None = None
+) -> tuple[ShownChart, ...]:
+    """All charts of a page. progress: called with the share done, 0..1, and the step."""
+    shown = []
+    for k, plan in enumerate(plans):
+        if progress:
+            progress(k / len(plans), f"drawing {plan.name}")
+        shown.append(shown_chart(plan))
+    return tuple(shown)
 
 
 def by_section(pictures: Sequence[ShownChart]) -> dict[str, list[ShownChart]]:

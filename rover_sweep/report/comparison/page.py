@@ -12,8 +12,9 @@ from rover_sweep.comparison.answer import Bode, Comparison, Twin, TwinDrive
 from rover_sweep.data.codec import encoded, in_json
 from rover_sweep.diagnosis.result import TimeHistory
 from rover_sweep.files.replaced import write_file
-from rover_sweep.report.charts.response_charts import bode_chart, overlay_chart
-from rover_sweep.report.charts.static_svg import ShownChart, by_section
+from rover_sweep.report.charts.chart import ChartPlan
+from rover_sweep.report.charts.diagnosis_charts import bode_chart, overlay_chart
+from rover_sweep.report.charts.static_svg import ShownChart, by_section, shown_charts
 from rover_sweep.report.comparison.difference_tables import (
     agreement_table,
     correction_table,
@@ -23,9 +24,6 @@ from rover_sweep.report.comparison.difference_tables import (
     rounds_table,
 )
 from rover_sweep.report.identification.comparison import Table
-from rover_sweep.report.pictures.frequency_response import bode_figure
-from rover_sweep.report.pictures.overlay import overlay_figure
-from rover_sweep.report.pictures.picture import Picture
 from rover_sweep.report.templates import environment
 from rover_sweep.report.wording import Provenance, plain, sentence, strict_json
 
@@ -125,42 +123,35 @@ def _page(
 
 
 OVERLAY = (
-    "Time history with the residual (recorded minus simulated), and its spectrum divided by the noise of "
-    "both sides. Dashed or grey: twice that noise. In print, the shaded close-up is where before and after "
-    "differ most."
+    "Time history with the residual (recorded minus simulated), a close-up, and the residual's spectrum "
+    "divided by the noise of both sides. Dashed: twice that noise."
 )
 BODE = "Responses to the steering. White: where the recording is coherent."
 
 
 def planned_pictures(
     overlays: Sequence[TimeHistory], responses: Sequence[Bode], after: str
-) -> tuple[Picture, ...]:
-    """Time histories and responses, not drawn yet. after: what `after` is, in words."""
+) -> tuple[ChartPlan, ...]:
+    """Time histories and responses, not made yet. after: what `after` is, in words."""
     return (*_histories(overlays, after), *_responses(responses, after))
 
 
-def _histories(overlays: Sequence[TimeHistory], after: str) -> Iterator[Picture]:
+def _histories(overlays: Sequence[TimeHistory], after: str) -> Iterator[ChartPlan]:
     by_run: dict[tuple[str, bool], list[TimeHistory]] = {}
     for o in overlays:
         by_run.setdefault((o.run, o.held_out), []).append(o)
     for k, ((run, held_out), channels) in enumerate(by_run.items()):
         role, shown = "held out" if held_out else "used", tuple(channels)
         caption = f"{run}, {role}. Before: the simulation; after: {after}. {OVERLAY}"
-        yield Picture(
-            f"overlay-{k}",
-            "histories",
-            caption,
-            partial(overlay_figure, shown),
-            partial(overlay_chart, shown),
-        )
+        yield ChartPlan(f"overlay-{k}", "histories", caption, partial(overlay_chart, shown))
 
 
-def _responses(responses: Sequence[Bode], after: str) -> Iterator[Picture]:
+def _responses(responses: Sequence[Bode], after: str) -> Iterator[ChartPlan]:
     if responses:
         first, shown = responses[0], tuple(responses)
         role = "held out" if first.held_out else "used"
         caption = f"{first.run}, {role}. Before: the simulation; after: {after}. {BODE}"
-        yield Picture("bode", "bode", caption, partial(bode_figure, shown), partial(bode_chart, shown))
+        yield ChartPlan("bode", "bode", caption, partial(bode_chart, shown))
 
 
 # comparison.json and twin.json: the answers for programs.
@@ -203,10 +194,7 @@ AGAIN = "the corrected simulation, driven again"
 
 def write_comparison(found: Comparison, directory: Path, provenance: Provenance) -> Path:
     """Write comparison.html and comparison.json; the path of the page. UsageError if it is not writable."""
-    from rover_sweep.report.pictures.picture import drawn_pictures
-
-    plan = planned_pictures(found.overlays, found.bode, PREDICTED)
-    pictures = drawn_pictures(plan)
+    pictures = shown_charts(planned_pictures(found.overlays, found.bode, PREDICTED))
     page = comparison_page(found, provenance, pictures)
     document = strict_json(comparison_document(found, provenance))
     html = write_file(directory / "comparison.html", page)
@@ -216,10 +204,7 @@ def write_comparison(found: Comparison, directory: Path, provenance: Provenance)
 
 def write_twin(found: Twin, directory: Path, provenance: Provenance) -> Path:
     """Write twin.html, variant.toml and twin.json; the path of the page."""
-    from rover_sweep.report.pictures.picture import drawn_pictures
-
-    plan = planned_pictures(found.overlays, found.bode, AGAIN)
-    pictures = drawn_pictures(plan)
+    pictures = shown_charts(planned_pictures(found.overlays, found.bode, AGAIN))
     page = twin_page(found, provenance, pictures)
     document = strict_json(twin_document(found, provenance))
     write_file(directory / "variant.toml", found.variant)

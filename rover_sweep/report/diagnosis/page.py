@@ -17,8 +17,9 @@ from rover_sweep.diagnosis.plans.planner import NAMES, DetectableSize, Plan, Pla
 from rover_sweep.diagnosis.result import Diagnosis, Finding, TimeHistory
 from rover_sweep.diagnosis.verdict import importance_words
 from rover_sweep.files.replaced import remove_file, write_file
-from rover_sweep.report.charts.response_charts import overlay_chart
-from rover_sweep.report.charts.static_svg import ShownChart, by_section
+from rover_sweep.report.charts.chart import ChartPlan
+from rover_sweep.report.charts.diagnosis_charts import curves_chart, drawable, mismatch_chart, overlay_chart
+from rover_sweep.report.charts.static_svg import ShownChart, by_section, shown_charts
 from rover_sweep.report.diagnosis.diagnosis_json import DiagnosisOrigin, diagnosis_document
 from rover_sweep.report.diagnosis.tables import (
     bound_table,
@@ -33,15 +34,13 @@ from rover_sweep.report.diagnosis.tables import (
     look_alike_words,
     mismatch_table,
     next_words,
+    score_table,
     unseen_table,
     value_table,
 )
 from rover_sweep.report.identification.comparison import Cell, Table
 from rover_sweep.report.identification.identification_json import AXES
 from rover_sweep.report.identification.terminal import Sentence, rich_table
-from rover_sweep.report.pictures.frequency_response import scores
-from rover_sweep.report.pictures.overlay import drawable, law_curves, mismatch, overlay_figure
-from rover_sweep.report.pictures.picture import Picture
 from rover_sweep.report.templates import environment
 from rover_sweep.report.wording import channel, hiding_words, plain, sentence, strict_json, unit
 
@@ -49,15 +48,9 @@ from rover_sweep.report.wording import channel, hiding_words, plain, sentence, s
 
 
 OVERLAY = (
-    "Time history with the residual (measured minus simulated), and the spectrum of the residual divided "
-    "by the noise floor. Dashed or grey: twice the noise. In print, the shaded close-up is where {most}."
+    "Time history with the residual (measured minus simulated), a close-up, and the spectrum of the residual "
+    "divided by the noise floor. Dashed: twice the noise."
 )
-SCORES = (
-    "Reduction of chi-squared by each candidate alone, compared with the model without effects. Effects "
-    "overlap, so more candidates than the named ones exceed chance; the named ones are those that the whole "
-    "search kept."
-)
-
 CURVES = (
     "The rover's laws at rest, with their 90 % bands, over the range that the runs visited. Dashed: the "
     "linear law, of a tyre its tangent at 0."
@@ -69,9 +62,9 @@ LAW = (
 )
 
 
-def planned(found: Diagnosis) -> tuple[Picture, ...]:
-    """All pictures of a diagnosis, not drawn yet."""
-    return (*_mismatches(found), *_runs(found), *_curves(found), *_law(found), *_scores(found))
+def planned(found: Diagnosis) -> tuple[ChartPlan, ...]:
+    """All charts of a diagnosis, not made yet."""
+    return (*_mismatches(found), *_runs(found), *_curves(found))
 
 
 def mismatch_section(index: int) -> str:
@@ -79,48 +72,30 @@ def mismatch_section(index: int) -> str:
     return f"mismatch-{index}"
 
 
-def _mismatches(found: Diagnosis) -> Iterator[Picture]:
+def _mismatches(found: Diagnosis) -> Iterator[ChartPlan]:
     for k, m in enumerate(found.mismatch):
         if drawable(m, found.overlays):
             name = mismatch_section(k)
-            yield Picture(name, name, sentence(m.sentence), partial(mismatch, m, found.overlays))
+            draw = partial(mismatch_chart, m, found.overlays)
+            yield ChartPlan(name, name, sentence(m.sentence), draw, interactive=False)
 
 
-def _runs(found: Diagnosis) -> Iterator[Picture]:
+def _runs(found: Diagnosis) -> Iterator[ChartPlan]:
     by_run: dict[tuple[str, bool], list[TimeHistory]] = {}
     for o in (o for o in found.overlays if o.t.size > 1):
         by_run.setdefault((o.run, o.held_out), []).append(o)
     changed = bool(found.findings)
     for k, ((run, held_out), channels) in enumerate(by_run.items()):
         role = "held out" if held_out else "used in the fit"
-        most = "before and after differ most" if changed else "the model error is largest"
-        caption = f"{run}, {role}. {OVERLAY.format(most=most)}"
-        shown = tuple(channels)
-        section = "held-out" if held_out else "fitted"
-        yield Picture(
-            f"overlay-{k}",
-            section,
-            caption,
-            partial(overlay_figure, shown, changed),
-            partial(overlay_chart, shown, changed),
-        )
+        section, draw = "held-out" if held_out else "fitted", partial(overlay_chart, tuple(channels), changed)
+        yield ChartPlan(f"overlay-{k}", section, f"{run}, {role}. {OVERLAY}", draw)
 
 
-def _curves(found: Diagnosis) -> Iterator[Picture]:
+def _curves(found: Diagnosis) -> Iterator[ChartPlan]:
     if found.curves:
-        yield Picture("curves", "curves", CURVES, partial(law_curves, found.curves))
-
-
-def _law(found: Diagnosis) -> Iterator[Picture]:
+        yield ChartPlan("curves", "curves", CURVES, partial(curves_chart, found.curves))
     if found.unknown and found.unknown.curves:
-        yield Picture(
-            "unknown-law", "unknown", LAW, partial(law_curves, found.unknown.curves, found.unknown.held_out)
-        )
-
-
-def _scores(found: Diagnosis) -> Iterator[Picture]:
-    if found.scores:
-        yield Picture("scores", "scores", SCORES, partial(scores, found))
+        yield ChartPlan("unknown-law", "unknown", LAW, partial(curves_chart, found.unknown.curves))
 
 
 # Folder of a diagnosis: diagnosis.html, diagnosis.json, and variant.toml for the simulated rover.
@@ -148,10 +123,9 @@ def write_diagnosis(
     and the current step. UsageError if the directory is not writable.
     """
     from rover_sweep.report.export.plant_variant import variant_text
-    from rover_sweep.report.pictures.picture import drawn_pictures
 
     document = strict_json(diagnosis_document(found, origin))
-    drawn = drawn_pictures(planned(found), progress)
+    drawn = shown_charts(planned(found), progress)
     page = diagnosis_page(found, origin, drawn)
     text = variant_text(found.model) if found.model and not found.model.lumped else None
     for name in ("diagnosis.json", "variant.toml"):
@@ -297,6 +271,7 @@ def diagnosis_page(found: Diagnosis, origin: DiagnosisOrigin, pictures: Sequence
             law_lines=[sentence(line) for line in held_out_lines(found.unknown)] if found.unknown else [],
             unknown=sentence(found.unknown.sentence) if found.unknown else "",
             unknown_channel=channel(found.unknown.channel) if found.unknown else "",
+            scores=score_table(found),
             unseen=unseen_table(found),
             bounds=bound_table(found),
             hiding=hiding_words(found.cannot_see),

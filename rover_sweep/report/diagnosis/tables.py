@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
+import numpy as np
 from rich.console import Group, RenderableType
 from rich.text import Text
 
@@ -36,6 +37,12 @@ FLOOR = (
 BOUNDS = (
     "could be: these runs do not exclude this size at 95 %. matters: smaller is normal tolerance. change: of "
     "r or a_y in these runs (rms) from normal tolerance to that size, without refitting the model."
+)
+
+
+SCORES = (
+    "Each candidate alone, compared with the model without effects. Effects overlap, so more candidates than "
+    "the named ones exceed chance; the named ones are those that the whole search kept."
 )
 
 
@@ -163,6 +170,21 @@ def falsified_table(found: Diagnosis) -> Table | None:
     )
     headings = ("parameter", "without the effect", "with it", "unit", "error without, %")
     return Table("Parameters biased by the missing effect", headings, rows)
+
+
+def score_table(found: Diagnosis) -> Table | None:
+    """Reduction of chi-squared by each candidate alone, largest first; None for none."""
+    if not found.scores:
+        return None
+    known = {e: max(float(s), 0.0) if np.isfinite(s) else 0.0 for e, s in found.scores.items()}
+    named = {f.effect for f in found.findings}
+    alike = {e for f in found.findings for e in f.look_alikes} - named
+    rows = []
+    for effect in sorted(known, key=lambda e: -known[e]):
+        role = "named" if effect in named else "look-alike" if effect in alike else ""
+        tone: Tone = "strong" if effect in named else ""
+        rows.append((Cell(effect, tone), Cell(role), Cell(number(known[effect], 3), tone)))
+    return Table("All candidates", ("effect", "", "chi-squared falls by"), tuple(rows), SCORES, 2)
 
 
 def unseen_table(found: Diagnosis) -> Table | None:

@@ -1,1 +1,0 @@
-"""The pictures of the reports, one file per kind."""
