@@ -26,7 +26,7 @@ from rover_sweep.report.diagnosis.diagnosis_json import DiagnosisOrigin
 from rover_sweep.report.wording import provenance
 
 if TYPE_CHECKING:
-    from rover_sweep.report.diagnosis.page import DiagnosisFiles
+    from rover_sweep.report.diagnosis.report import DiagnosisFiles
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -99,7 +99,7 @@ class FullDiagnosis(Shown, Diagnosis):
 
     def report(self, directory: Location) -> DiagnosisFiles:
         """Write diagnosis.html and diagnosis.json into a folder."""
-        from rover_sweep.report.diagnosis.page import write_diagnosis
+        from rover_sweep.report.diagnosis.report import write_diagnosis
 
         return write_diagnosis(self, Path(directory), self.origin)
 

@@ -32,7 +32,7 @@ from rover_sweep.report.wording import Provenance, provenance
 from rover_sweep.spectra.response import Band, FrequencyResponse
 
 if TYPE_CHECKING:
-    from rover_sweep.report.identification.page import ReportFiles
+    from rover_sweep.report.identification.report import ReportFiles
 
 # Checks the settings of an identification against the runs, before the fit.
 
@@ -209,7 +209,7 @@ class Result(Identification):
         >>> result.report("report").page.name
         'report.html'
         """
-        from rover_sweep.report.identification.page import write_report
+        from rover_sweep.report.identification.report import write_report
         from rover_sweep.report.wording import SHOWN_UNITS
 
         if units not in SHOWN_UNITS:

@@ -31,7 +31,8 @@ from rover_sweep.gains.speed_chain import speed_from_document, speed_loop
 from rover_sweep.gains.speed_proposal import SpeedProposal, propose_speed
 from rover_sweep.identification.identify_speed import SpeedResult, speed_parameters
 from rover_sweep.identification.identify_speed import identify_speed as from_sweeps
-from rover_sweep.report.speed.speed_page import SpeedFindings, speed_document, speed_page
+from rover_sweep.report.in_html import in_html
+from rover_sweep.report.speed.report import SpeedFindings, speed_document, speed_report
 
 SPEED_FILE = "speed.json"
 
@@ -239,16 +240,19 @@ def write_speed_report(result: SpeedResult, folder: Path) -> SpeedFiles:
 
     If the folder has the results of steering sweeps too, the page has the steering's limits from them.
     """
-    parameters = result.runs[0].parameters
-    proposal = proposed_speed(speed_document(result), parameters, "the parameters of the runs")
-    findings = SpeedFindings(
-        result, proposal, _limits(folder, parameters), parameters, (folder / "report.html").is_file()
-    )
-    html = speed_page(findings)
+    html = in_html(speed_report(speed_findings(result, folder)))
     remove_file(folder / "speed.json")
     folder.mkdir(parents=True, exist_ok=True)
     page = write_file(folder / "speed.html", html)
     return SpeedFiles(folder, write_speed(result, folder), page)
+
+
+def speed_findings(result: SpeedResult, folder: Path) -> SpeedFindings:
+    """The result with the gains that it supports, beside the results of the steering in `folder`."""
+    parameters = result.runs[0].parameters
+    proposal = proposed_speed(speed_document(result), parameters, "the parameters of the runs")
+    steered = (folder / "report.html").is_file()
+    return SpeedFindings(result, proposal, _limits(folder, parameters), parameters, steered)
 
 
 def _limits(folder: Path, parameters: Mapping[str, float]) -> SteeringLimits | None:

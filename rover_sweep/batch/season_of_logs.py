@@ -23,8 +23,9 @@ from rover_sweep.data.vehicle_geometry import geometry_of
 from rover_sweep.errors import RoverSweepError
 from rover_sweep.files.documents import read_json
 from rover_sweep.files.replaced import write_file
-from rover_sweep.report.diagnosis.page import write_diagnosis
-from rover_sweep.report.season.season_page import page_names, shown_courses, vehicle_page
+from rover_sweep.report.diagnosis.report import write_diagnosis
+from rover_sweep.report.in_html import in_html
+from rover_sweep.report.season.report import page_names, vehicle_report
 from rover_sweep.season.season import season
 from rover_sweep.season.season_result import MeasuredLog, Season, VehicleSeason
 from rover_sweep.spectra.side_by_side import one_thread
@@ -131,4 +132,4 @@ def drawn_pages(season: Season, diagnoses: Mapping[tuple[str, str], str], pool: 
 
 def draw_page(vehicle: VehicleSeason, diagnoses: Mapping[str, str]) -> dict[str, Any]:
     """{"page": HTML} of a vehicle. diagnoses: {day: sentence}."""
-    return {"page": vehicle_page(vehicle, shown_courses(vehicle), diagnoses)}
+    return {"page": in_html(vehicle_report(vehicle, diagnoses))}

@@ -37,7 +37,7 @@ from rover_sweep.report.charts.response_charts import (
     throttle_run_chart,
     verification_chart,
 )
-from rover_sweep.report.identification.page import shown_models
+from rover_sweep.report.identification.report import shown_models
 from rover_sweep.spectra.response import FrequencyResponse
 
 COLUMN, ROW = 5.5, 0.0135  # in of a column, and of a px of a panel's height

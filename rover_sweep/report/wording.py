@@ -148,6 +148,16 @@ def provenance(
     return Provenance(vehicle, source, tuple(verify_runs), command, made)
 
 
+def versions_words(found: Mapping[str, str]) -> str:
+    """The packages with their versions."""
+    return ", ".join(f"{name} {version}" for name, version in found.items())
+
+
+def count(n: int, what: str) -> str:
+    """ "1 run", "2 runs"."""
+    return f"{n} {what}{'s' if n != 1 else ''}"
+
+
 # JSON that every reader accepts: no NaN, no Infinity, keys in insertion order.
 
 

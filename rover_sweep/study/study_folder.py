@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from math import degrees
@@ -14,10 +14,10 @@ from rover_sweep.identification.fit import FitResult
 from rover_sweep.identification.handling import handling, has_handling
 from rover_sweep.report.charts.chart import ChartPlan
 from rover_sweep.report.charts.response_charts import response_chart, run_chart, verification_chart
-from rover_sweep.report.charts.static_svg import ShownChart, by_section, shown_charts
-from rover_sweep.report.templates import environment
+from rover_sweep.report.document import Badge, Document, Figures, Section, Sentence, Tone
+from rover_sweep.report.in_html import in_html, made_charts
 from rover_sweep.report.wording import PAPER as PAPER_UNITS
-from rover_sweep.report.wording import strict_json, versions
+from rover_sweep.report.wording import strict_json, versions, versions_words
 from rover_sweep.study import findings, published
 from rover_sweep.study import findings as parameter_findings
 from rover_sweep.study.findings import StudyFinding
@@ -81,7 +81,7 @@ VERIFIED = {"asphalt": "figure-7", "grass": "figure-8a", "fast": "figure-8b"}
 def figures(study: Study) -> Iterator[ChartPlan]:
     """The figures in the paper's order and units, made later; the fits are those made as in the paper."""
     caption = "Figure 2: the sweep and the motion of the rover."
-    yield ChartPlan("figure-2", "recordings", caption, partial(run_chart, study.runs.sweeps[0]))
+    yield ChartPlan("figure-2", caption, partial(run_chart, study.runs.sweeps[0]))
     seen = replace(
         study.paper.group,
         responses={o: replace(f, band=study.coherent[o]) for o, f in study.paper.group.responses.items()},
@@ -90,18 +90,18 @@ def figures(study: Study) -> Iterator[ChartPlan]:
         f"Figure 3: identified frequency responses at {study.paper.group.speed:.2f} m/s on asphalt. "
         "Orange: where the coherence is at least 0.6."
     )
-    yield ChartPlan("figure-3", "responses", caption, partial(response_chart, seen, {}, PAPER_UNITS))
+    yield ChartPlan("figure-3", caption, partial(response_chart, seen, {}, PAPER_UNITS))
     for practice, name in ((study.paper, "figure-6"), (study.known, "figure-6-filters-known")):
         caption = f"Figure 6: the models over the measured responses; {practice.words}."
         models = {m: practice.result.models[m] for m in MODELS}
         draw = partial(response_chart, practice.group, models, PAPER_UNITS)
-        yield ChartPlan(name, "models", caption, draw)
+        yield ChartPlan(name, caption, draw)
     for check, name in VERIFIED.items():
         figure = "Figure 7" if check == "asphalt" else "Figure 8"
         caption = f"{figure}: {CHECKS[check]}, not used in any fit; {study.paper.words}."
         verdicts = {m: study.paper.check(m, check) for m in MODELS}
         draw = partial(verification_chart, study.runs.checks[check], verdicts, PAPER_UNITS)
-        yield ChartPlan(name, "verification", caption, draw)
+        yield ChartPlan(name, caption, draw)
 
 
 # study.json: every number of the study and the published ones.
@@ -195,31 +195,49 @@ def write_study(
 ) -> StudyFiles:
     """Writes all files, each replaced atomically. UsageError if the directory cannot be written."""
     document = write_file(directory / "study.json", strict_json(study_document(study, found)))
-    plan = tuple(figures(study))
-    drawn = shown_charts(plan, progress)
+    shown = study_report(study, found)
+    charts = made_charts(shown, progress)
     paths = tuple(
-        write_file(directory / "figures" / f"{chart.name}.svg", shown.svg)
-        for chart, shown in zip(plan, drawn, strict=True)
+        write_file(directory / "figures" / f"{name}.svg", chart.svg) for name, chart in charts.items()
     )
-    page = write_file(directory / "study.html", _page(study, found, drawn))
+    page = write_file(directory / "study.html", in_html(shown, charts))
     return StudyFiles(document, page, paths)
 
 
-def _page(study: Study, found: tuple[StudyFinding, ...], pictures: Sequence[ShownChart]) -> str:
-    return (
-        environment("study")
-        .get_template("study.html.j2")
-        .render(
-            study=study,
-            paper=PAPER,
-            versions=versions(),
-            findings=found,
-            summary=outcome_counts(found),
-            rover=rover_sentences(study),
-            ways=practices_table(study),
-            costs=cost_comparison(study),
-            parameters=[parameter_comparison(study, m) for m in ("bicycle", "roll-yaw", "lumped")],
-            verifications=list(verifications(study)),
-            pictures=by_section(pictures),
-        )
+OUTCOMES: dict[str, Tone] = {"came out": "good", "came out in part": "muted"}
+
+
+def study_report(study: Study, found: tuple[StudyFinding, ...]) -> Document:
+    """The study as a document, with the paper's figures."""
+    charts = {plan.name: plan for plan in figures(study)}
+
+    def shown(*names: str) -> Figures:
+        return Figures(tuple(plan for name, plan in charts.items() if name.startswith(names)))
+
+    models = ("bicycle", "roll-yaw", "lumped")
+    verified = Section("", tuple(verifications(study)), beside=True)
+    return Document(
+        "Three model structures of a rover, compared again on a virtual rover",
+        f"After {PAPER}. Seed {study.seed}, rover-sweep {versions()['rover_sweep']}.",
+        (Sentence(outcome_counts(found), "strong"), practices_table(study)),
+        (
+            Section(
+                "The paper's findings, one by one",
+                tuple(
+                    Section(
+                        f.claim,
+                        (Sentence(f.text),),
+                        badges=(Badge(f.outcome, OUTCOMES.get(f.outcome, "warn")),),
+                    )
+                    for f in found
+                ),
+                "findings",
+            ),
+            Section("The virtual rover", tuple(map(Sentence, rover_sentences(study))), "rover", level="page"),
+            Section("Table 5", (cost_comparison(study), shown("figure-6")), "costs"),
+            Section("Tables 2-4", tuple(parameter_comparison(study, m) for m in models), "parameters"),
+            Section("Tables 6-7", (verified, shown("figure-7", "figure-8")), "verification"),
+            Section("Figures 2 and 3", (shown("figure-2", "figure-3"),), "responses"),
+        ),
+        foot=(Sentence(versions_words(versions()), "muted"),),
     )

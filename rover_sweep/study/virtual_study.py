@@ -16,7 +16,7 @@ from rover_sweep.identification.pipeline import Identification, identify
 from rover_sweep.identification.state_space import OUTPUTS, ModelStructure
 from rover_sweep.identification.verify import Verification, verify
 from rover_sweep.manoeuvre.sweep import Doublet, Manoeuvre, Sweep
-from rover_sweep.report.identification.comparison import Cell, Table
+from rover_sweep.report.document import Cell, Table
 from rover_sweep.report.wording import OUTPUT_NAMES, percent, symbol, unit
 from rover_sweep.spectra.response import Band, usable_band
 from rover_sweep.study import published

@@ -61,7 +61,7 @@ def test_every_model_has_a_verdict_or_a_reason(cars: Any, name: str) -> None:
 
 
 def test_a_car_driven_at_the_friction_limit_gives_no_tyre_parameters(cars: Any) -> None:
-    from rover_sweep.report.identification.terminal import handling_notes
+    from rover_sweep.report.identification.sentences import handling_notes
 
     assert cars[DART].recommended == "kinematic"
     assert cars[DART].models["bicycle"].verdict.level == "not identifiable"

@@ -12,8 +12,10 @@ from rich.console import Console
 
 import rover_sweep as rs
 from rover_sweep.identification.handling import UNITS
-from rover_sweep.report.identification.comparison import numbers_table
-from rover_sweep.report.identification.terminal import handling_sentence, short_answer
+from rover_sweep.report.identification.report import identification_report
+from rover_sweep.report.identification.sentences import handling_sentence
+from rover_sweep.report.identification.tables import numbers_table
+from rover_sweep.report.on_terminal import on_terminal
 
 DATA = Path(__file__).parents[1] / "data"
 NOMINAL = DATA / "ardurover-4.6.3" / "nominal"
@@ -49,7 +51,7 @@ def test_the_answer_shows_the_numbers_and_the_fit_beside_them(nominal: rs.Result
     table = numbers_table(nominal)
     assert table is not None and [row[0].text for row in table.rows][:3] == ["Cf", "Cr", "K_us"]
     out = io.StringIO()
-    Console(file=out, width=100).print(short_answer(nominal, nominal.origin))
+    Console(file=out, width=100).print(on_terminal(identification_report(nominal, nominal.origin)))
     assert "Numbers of the rover" in out.getvalue() and "CIFER fit" in out.getvalue()
     nominal.report(tmp_path / "report")
     document = json.loads((tmp_path / "report" / "identification.json").read_text())

@@ -39,7 +39,7 @@ def test_runs_are_driven_judged_fetched_and_identified(
     (origin,) = [line for line in lines if "identified from log" in line]
     assert origin.startswith("sweep1, sweep2, doublet: identified from log") and "SWEP.Out" in origin
     assert "on one clock, no messages dropped (DSF.Dp)" in origin
-    assert "use the roll-yaw model" in done.out and "(not in the fit) J_rms" in done.out
+    assert "Use the roll-yaw model" in done.out and "(not in the fit) J_rms" in done.out
     assert done.out.rstrip().endswith(f"report: {out / 'report' / 'report.html'}")
     written = json.loads((out / "report" / "identification.json").read_text())
     assert [run["kind"] for run in written["runs"]] == ["sweep", "sweep"]

@@ -16,7 +16,7 @@ from rover_sweep.diagnosis.simulation.augmented import augmented
 from rover_sweep.diagnosis.simulation.candidates import Model
 from rover_sweep.diagnosis.simulation.experiment import experiment
 from rover_sweep.errors import DataRefused, UsageError
-from rover_sweep.report.comparison.page import write_comparison
+from rover_sweep.report.comparison.report import write_comparison
 from rover_sweep.report.wording import provenance
 from sitl.plant.variant import load_variant
 from tests.comparison.pairs import RECORDED, drive, vehicle_file
@@ -74,7 +74,7 @@ def test_the_same_rover_agrees(recorded, tmp_path):
     page = write_comparison(found, tmp_path, provenance())
     text = page.read_text(encoding="utf-8")
     assert "agree" in text
-    assert text.count("<img") == 2
+    assert text.count("<figure data-chart>") == 2
     assert (tmp_path / "comparison.json").is_file()
 
 

@@ -12,7 +12,8 @@ from rich.console import Console
 import rover_sweep as rs
 from rover_sweep.diagnosis.result import LawCurve
 from rover_sweep.report.charts.diagnosis_charts import curves_chart
-from rover_sweep.report.diagnosis.tables import summary
+from rover_sweep.report.diagnosis.report import diagnosis_report
+from rover_sweep.report.on_terminal import on_terminal
 
 FOLDER = Path(__file__).parents[1] / "data" / "concealed-ardurover" / "f"  # play in the steering
 
@@ -60,7 +61,7 @@ def test_the_curves_are_in_the_report_and_in_its_json(found: rs.FullDiagnosis, t
 
 def test_a_terminal_draws_what_bends_and_matplotlib_draws_every_curve(found: rs.FullDiagnosis) -> None:
     console = Console(file=StringIO(), width=80)
-    console.print(summary(found))
+    console.print(on_terminal(diagnosis_report(found)))
     drawn = console.file.getvalue()  # type: ignore[attr-defined]
     loop = drawn[drawn.index("steering, rad, over command, rad") :].splitlines()[1:8]
     assert all(line.count("┤") == 1 for line in loop) and any(chr(0x2800) < c for c in loop[3])

@@ -24,7 +24,7 @@ from rover_sweep.diagnosis.simulation.experiment import RATE, experiment
 from rover_sweep.diagnosis.simulation.simulator import Sensors, logged
 from rover_sweep.identification.verify import simulated_outputs as linear_simulation
 from rover_sweep.report.diagnosis.diagnosis_json import DiagnosisOrigin
-from rover_sweep.report.diagnosis.page import write_diagnosis
+from rover_sweep.report.diagnosis.report import write_diagnosis
 from rover_sweep.report.export.augmented_model_json import augmented_document, augmented_from
 from rover_sweep.report.export.exported_model import at_speed, exported_augmented, matlab_text, python_text
 from rover_sweep.report.wording import strict_json

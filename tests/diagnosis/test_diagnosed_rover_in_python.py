@@ -10,7 +10,7 @@ from augmented_models import model
 from rover_sweep.cli.main import run
 from rover_sweep.diagnosis.result import Diagnosis
 from rover_sweep.report.diagnosis.diagnosis_json import DiagnosisOrigin
-from rover_sweep.report.diagnosis.page import write_diagnosis
+from rover_sweep.report.diagnosis.report import write_diagnosis
 
 DIAGNOSED = ("steering_backlash", "tyre_relaxation")
 

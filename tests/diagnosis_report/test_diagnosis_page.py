@@ -13,14 +13,21 @@ from fabricated_diagnoses import ALL, EXPLAINED, NONE, PARTLY
 
 from rover_sweep.data.recording import Note, Recording
 from rover_sweep.diagnosis.result import Diagnosis, Unseen, UpperBound
+from rover_sweep.report.charts.chart import ChartPlan
 from rover_sweep.report.charts.diagnosis_charts import overlay_chart
 from rover_sweep.report.charts.static_svg import svg
 from rover_sweep.report.diagnosis.diagnosis_json import DiagnosisOrigin
-from rover_sweep.report.diagnosis.page import diagnosis_page, planned, write_diagnosis
+from rover_sweep.report.diagnosis.report import diagnosis_report, write_diagnosis
+from rover_sweep.report.document import charts_of
+from rover_sweep.report.in_html import in_html
 
 
 def page(found: Diagnosis) -> str:
-    return unescape(diagnosis_page(found, DiagnosisOrigin(), ()))
+    return unescape(in_html(diagnosis_report(found, DiagnosisOrigin())))
+
+
+def planned(found: Diagnosis) -> list[ChartPlan]:
+    return list(charts_of(diagnosis_report(found).sections))
 
 
 @pytest.mark.parametrize("verdict", ALL)
@@ -53,14 +60,14 @@ def test_without_a_held_out_run_it_says_so() -> None:
 def test_the_warnings_on_recordings_are_there_once() -> None:
     warning = (Note("warning", "several outputs steer"), Note("info", "no standstill"))
     runs = [Recording(f"run{n}", {}, (0.0, 1.0), "sweep", notes=warning) for n in (1, 2, 3)]
-    html = diagnosis_page(NONE, DiagnosisOrigin(recordings=tuple(("fit", run) for run in runs)), ())
+    html = in_html(diagnosis_report(NONE, DiagnosisOrigin(recordings=tuple(("fit", run) for run in runs))))
     assert html.count("run1 and 2 more: several outputs steer") == html.count("several outputs steer") == 1
     assert "no standstill" not in html
 
 
 def test_text_from_elsewhere_is_no_markup() -> None:
     nasty = replace(NONE, sentence="<script>x</script>", remarks=("<b>bold</b>",))
-    html = diagnosis_page(nasty, DiagnosisOrigin(), ())
+    html = in_html(diagnosis_report(nasty, DiagnosisOrigin()))
     assert "<script>" not in html and "<b>" not in html
 
 
@@ -74,8 +81,7 @@ def test_the_page_needs_no_other_file(tmp_path: Path) -> None:
 
 def test_the_pictures_are_those_that_can_be_drawn() -> None:
     names = [p.name for p in planned(EXPLAINED)]
-    assert names == ["mismatch-0", "mismatch-1", "mismatch-2", "overlay-0", "overlay-1"]
-    assert [p.section for p in planned(EXPLAINED)][3:5] == ["held-out", "fitted"]
+    assert names == ["held-out-0", "mismatch-0", "mismatch-1", "mismatch-2", "fitted-0"]
     undrawable = replace(EXPLAINED, overlays=(), scores={})  # the second mismatch has no profile of its own
     assert [p.name for p in planned(undrawable)] == ["mismatch-0", "mismatch-2"]
 
@@ -110,7 +116,7 @@ def test_gaps_and_missing_spectra_draw_as_well() -> None:
     empty = replace(whole, run="run9", t=none, measured=none, before=none, after=none)
     low = replace(EXPLAINED.mismatch[1], band=(0.0, 3.0))
     found = replace(EXPLAINED, overlays=(holed, bare, empty), mismatch=(low,))
-    assert [p.name for p in planned(found)] == ["overlay-0"]  # no spectrum of a_y is there
+    assert [p.name for p in planned(found)] == ["held-out-0"]  # no spectrum of a_y is there
     shaded = replace(EXPLAINED, mismatch=(replace(low, channel="r"),))
     for picture in (*planned(found), planned(shaded)[0]):
         assert "nan" not in svg(picture.make()).lower()

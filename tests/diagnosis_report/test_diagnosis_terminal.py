@@ -8,44 +8,18 @@ from dataclasses import replace
 import pytest
 from fabricated_diagnoses import ALL, EXPLAINED, PARTLY
 from fabricated_plans import PLAN
-from rich.console import Console, RenderableType
+from rich.console import Console
 
-from rover_sweep.diagnosis.result import Unseen, UpperBound
-from rover_sweep.report.diagnosis.page import plan_summary
-from rover_sweep.report.diagnosis.tables import summary
+from rover_sweep.diagnosis.result import Diagnosis, Unseen, UpperBound
+from rover_sweep.report.diagnosis.report import diagnosis_report, plan_report
+from rover_sweep.report.document import Document
+from rover_sweep.report.on_terminal import on_terminal
 from rover_sweep.report.wording import sentence
 
 EXPECTED = """\
 PARTLY EXPLAINED
 Play in the steering and tyre relaxation explain most of it, something in p
 remains.
-
-Where simulation and recording differ
-     where         rad/s  residual / noise
-r    120 us      0.5–3.1             6.3 ×
-a_y  throughout     4–14             4.1 ×
-
-Findings
-missing effect              value       90 % interval  unit
-steering_backlash  b      0.00830  0.00710 to 0.00940   rad
-tyre_relaxation    sigma    0.310          from 0.240     m
-
-steering_backlash
-  The steering has play of 0.017 rad from end to end (0.95 deg at the road
-  wheels).
-  It explains 87 % of the squared residual above the noise on run4 (J_rms, with
-  the noise: 4.21 without it, 1.12 with it).
-  Chi-squared falls by 412 (by chance: at most 21.4).
-  These runs cannot separate it from: deadband of the steering
-  (steering_deadband, 31 %).
-  To separate them: a servo test on blocks: 40 us at 0.5 rad/s, wheels off the
-  ground.
-
-tyre_relaxation
-  Side force builds up over 0.31 m of rolling.
-  It explains 12 % of the squared residual above the noise on run4 (J_rms, with
-  the noise: 1.12 without it, 1.01 with it).
-  Chi-squared falls by 55.0 (by chance: at most 18.0).
 
 On held-out runs
 run   J_rms before  after  TIC before  after  share removed
@@ -54,10 +28,42 @@ J_rms in deg/s and ft/s², with the noise; TIC 0 (perfect) to 1. Share removed:
 of the squared residual above the noise floor, the only part that a model can
 explain.
 
-unknown
-  The roll rate keeps 2.4 noise floors that the roll state predicts.
-  2.4 × the noise in p, depends on phi and p.
-  Fitted law: -0.31 phi^3 (explains 62 % of it on held-out data).
+Where simulation and recording differ
+     where         rad/s  residual / noise
+r    120 us      0.5–3.1             6.3 ×
+a_y  throughout     4–14             4.1 ×
+
+Backlash of the linkage (steering_backlash)
+The steering has play of 0.017 rad from end to end (0.95 deg at the road
+wheels). It explains 87 % of the squared residual above the noise on run4
+(J_rms, with the noise: 4.21 without it, 1.12 with it).
+
+                               value       90 % interval  unit
+b  half the gap of the play  0.00830  0.00710 to 0.00940   rad
+
+These runs cannot separate it from: deadband of the steering (steering_deadband,
+31 %).
+To separate them: a servo test on blocks: 40 us at 0.5 rad/s, wheels off the
+ground.
+Chi-squared falls by 412 (by chance: at most 21.4).
+
+Relaxation length of the tyres (tyre_relaxation)
+Side force builds up over 0.31 m of rolling. It explains 12 % of the squared
+residual above the noise on run4 (J_rms, with the noise: 1.12 without it, 1.01
+with it).
+
+                                      value  90 % interval  unit
+sigma  relaxation length, both axles  0.310     from 0.240     m
+
+Chi-squared falls by 55.0 (by chance: at most 18.0).
+
+Part that no candidate explains
+where       p
+size        2.4 × the noise
+depends on  phi and p
+
+The roll rate keeps 2.4 noise floors that the roll state predicts.
+Fitted law: -0.31 phi^3 (explains 62 % of it on held-out data).
 """
 EXPECTED_PLAN = """\
 These runs cannot tell tyre relaxation from a delay, nor see the rate limit of
@@ -103,18 +109,22 @@ No run is proposed beyond 3.9 m/s^2 of lateral acceleration.
 """
 
 
-def shown(what: RenderableType, width: int = 80) -> str:
+def shown(what: Document, width: int = 80) -> str:
     out = io.StringIO()
-    Console(file=out, width=width).print(what)
+    Console(file=out, width=width).print(on_terminal(what))
     return "\n".join(line.rstrip() for line in out.getvalue().splitlines()) + "\n"
 
 
+def told(found: Diagnosis) -> str:
+    return shown(diagnosis_report(found))
+
+
 def test_the_summary_is_this_text() -> None:
-    assert shown(summary(PARTLY)) == EXPECTED
+    assert told(PARTLY) == EXPECTED
 
 
 def test_the_plan_is_this_text() -> None:
-    assert shown(plan_summary(PLAN)) == EXPECTED_PLAN
+    assert shown(plan_report(PLAN)) == EXPECTED_PLAN
 
 
 @pytest.mark.parametrize(
@@ -135,7 +145,7 @@ def test_a_sentence_begins_large_unless_it_begins_with_a_name(text: str, shown_a
 
 @pytest.mark.parametrize("verdict", ALL)
 def test_nothing_is_wider_than_the_terminal(verdict: str) -> None:
-    text = shown(summary(ALL[verdict]))
+    text = told(ALL[verdict])
     assert max(map(len, text.splitlines())) <= 80
     assert text.startswith(verdict.upper())
     assert "…" not in text  # nothing cut off either
@@ -143,7 +153,7 @@ def test_nothing_is_wider_than_the_terminal(verdict: str) -> None:
 
 def test_a_long_name_leaves_the_numbers_whole() -> None:
     name = "2025-05-01-afternoon/run4_doublet_150us_gravel"
-    text = shown(summary(replace(EXPLAINED, held_out=(replace(EXPLAINED.held_out[0], run=name),))))
+    text = told(replace(EXPLAINED, held_out=(replace(EXPLAINED.held_out[0], run=name),)))
     assert "J_rms before  after  TIC before  after  share removed" in text
     assert "…n4_doublet_150us_gravel" in text and "87 %" in text
 
@@ -155,7 +165,7 @@ def test_what_could_still_hide_is_in_the_answer() -> None:
         Unseen("servo_rate_limit", "", {"R": UpperBound("rad/s", 38.0, None, 4.0)}, 0.01, material=False),
         Unseen("sensor_filter", "", {"gyro_hz": UpperBound("Hz", 23.0, None, 29.0)}, 0.09),
     )
-    text = shown(summary(replace(EXPLAINED, cannot_see=bounded)))
+    text = told(replace(EXPLAINED, cannot_see=bounded))
     answer = " ".join(text.split())
     assert (
         "Could still hide (95 %): an unknown sensor filter (at least 23 Hz), roll steer of the front axle "
@@ -167,22 +177,26 @@ def test_what_could_still_hide_is_in_the_answer() -> None:
 def test_the_form_of_a_law_is_said_once() -> None:
     said = "saturation of the tyres (form: brush), mu = 0.7"
     one = replace(EXPLAINED.findings[0], effect="tyre_saturation", sentence=said, form="brush")
-    text = shown(summary(replace(EXPLAINED, findings=(one,))))
+    text = told(replace(EXPLAINED, findings=(one,)))
     assert text.count("brush") == 1 and "tyre_saturation/brush" not in text
 
 
 def test_the_headline_is_not_repeated_under_unknown() -> None:
     assert PARTLY.unknown is not None
     left = replace(PARTLY.unknown, sentence="p still differs; no candidate explains it; it has no pattern")
-    text = shown(summary(replace(PARTLY, sentence="play explains a part, but p still differs", unknown=left)))
-    assert text.count("still differs") == 1 and text.count("  No candidate explains it.\n") == 1
+    text = shown(
+        diagnosis_report(replace(PARTLY, sentence="play explains a part, but p still differs", unknown=left))
+    )
+    assert text.count("still differs") == 1 and text.count("No candidate explains it") == 1
 
 
 def test_effects_that_could_hide_have_plain_names_and_no_share_exceeds_all() -> None:
     bound = UpperBound("rad", 0.0, 0.05, 0.03)
     unseen = Unseen("cross_slope", "", {"slope": bound}, change=0.1)
-    assert "the ground slopes (up to 0.050 rad)" in shown(summary(replace(EXPLAINED, cannot_see=(unseen,))))
+    assert "the ground slopes (up to 0.050 rad)" in shown(
+        diagnosis_report(replace(EXPLAINED, cannot_see=(unseen,)))
+    )
     first = EXPLAINED.findings[0]
     over = replace(first, held_out=tuple(replace(h, share_removed=1.14) for h in first.held_out))
-    text = shown(summary(replace(EXPLAINED, findings=(over,))))
+    text = told(replace(EXPLAINED, findings=(over,)))
     assert "114" not in text and "explains 100 % of the squared residual above the noise" in text

@@ -22,7 +22,6 @@ SAME_NAME = {
     "identify": VERB,
     "identify_speed": VERB,
     "motion": "one for each kind of baseline",
-    "planned": REPORTS,
 }
 Definition = ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef
 

@@ -45,6 +45,10 @@ _ = [
     it.V_x,
     it.V_y,
     it.a_y,
+    # of a document, read by its template
+    it.anchor,
+    it.subtitle,
+    it.foot,
     # the slave in an FMU, called and read by pythonfmu
     it.RoverTwin,
     it.modelName,

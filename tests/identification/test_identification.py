@@ -12,7 +12,7 @@ from rover_sweep.identification.verify import verify
 from rover_sweep.manoeuvre.sweep import Sweep
 from rover_sweep.quality.coherence import excited_range
 from rover_sweep.quality.verdict import assess
-from rover_sweep.report.identification.terminal import first_numbers
+from rover_sweep.report.identification.sentences import first_numbers
 
 SWEEP = Sweep(amplitude=120)
 TRUTH = roll_yaw(GEOMETRY).with_values(TRUE)

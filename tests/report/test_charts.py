@@ -17,7 +17,8 @@ import pytest
 
 from rover_sweep.report.charts.chart import Chart, Curve, Panel, Spread, Stack, kept_points, ticks
 from rover_sweep.report.charts.static_svg import chart_json, page_script, svg
-from rover_sweep.report.identification.page import planned
+from rover_sweep.report.document import charts_of
+from rover_sweep.report.identification.report import identification_report
 
 
 def values(text: str) -> np.ndarray:
@@ -118,7 +119,7 @@ def test_ticks_are_round_and_inside() -> None:
 
 
 def test_every_chart_of_a_result_has_a_panel(nominal: Any) -> None:
-    for plan in planned(nominal.result, nominal.provenance):
+    for plan in charts_of(identification_report(*nominal).sections):
         assert all(p.x.size and p.lines for s in plan.make().stacks for p in s.panels)
 
 

@@ -11,28 +11,21 @@ import pytest
 from rich.console import Console
 
 from rover_sweep.data.results import number
-from rover_sweep.report.identification.comparison import (
-    Table,
+from rover_sweep.report.document import Table
+from rover_sweep.report.identification.report import identification_report
+from rover_sweep.report.identification.sentences import diagnosis_remark, filters_known, filters_remark, to_do
+from rover_sweep.report.identification.tables import (
     coherence_table,
     cost_table,
     filters_table,
     inertia_table,
+    main_table,
     parameter_table,
     reduction_table,
     variants_table,
     verification_tables,
 )
-from rover_sweep.report.identification.page import page
-from rover_sweep.report.identification.terminal import (
-    comparison,
-    conclusion,
-    diagnosis_remark,
-    filters_known,
-    filters_remark,
-    finding,
-    short_answer,
-    to_do,
-)
+from rover_sweep.report.on_terminal import on_terminal
 from rover_sweep.report.wording import band, change, percent, symbol
 
 
@@ -171,16 +164,7 @@ def test_a_kinematic_rover_shows_no_tyre_number_anywhere(stock: Any) -> None:
     assert "kinematic model fits as well" in table.note
     assert variants_table(stock.result, "bicycle") is None
     assert {r[0].text for r in filters_table(stock.result).rows} <= {"Kinematic", ""}  # type: ignore[union-attr]
-    told = finding(stock.result)
-    assert told is not None and "L_eff" in told and "Cf" not in told
-
-
-def test_finding_names_parameters_bounds_and_verification(nominal: Any) -> None:
-    told = finding(nominal.result)
-    verdict = nominal.result.models["roll-yaw"].verification[0]
-    assert told is not None
-    assert f"J_rms {number(verdict.j_rms, 3)} and TIC {number(verdict.tic, 2)}" in told
-    assert "Cf" in told and "Cr" in told and "CR" in told
+    assert "L_eff" in rows(main_table(stock.result)) and "Cf" not in rows(main_table(stock.result))
 
 
 def test_what_to_do_first_names_runs_to_repeat_refusals_and_missing_verification(
@@ -199,9 +183,7 @@ def test_what_to_do_first_names_runs_to_repeat_refusals_and_missing_verification
 def terminal(case: Any, width: int, full: bool = False) -> str:
     out = io.StringIO()
     console = Console(file=out, width=width, force_terminal=False)
-    if full:
-        console.print(comparison(*case))
-    console.print((conclusion if full else short_answer)(*case))
+    console.print(on_terminal(identification_report(*case), full, answer_last=True))
     return out.getvalue()
 
 
@@ -217,20 +199,22 @@ def test_the_terminal_shows_all_tables_within_its_width(nominal: Any, width: int
         "Cost J",
         "Verification on run4",
         "Yaw inertia",
-        "If the sensors' filters",
+        "Effect of the sensors' filters",
     ):
         assert words in text
     assert max(len(row) for row in text.splitlines()) <= width
     assert "…" not in text and not re.search(r"^\s*%", text, re.MULTILINE)
-    assert "use the roll-yaw model" in text
+    assert "Use the roll-yaw model" in text
 
 
 def test_the_terminal_is_short_unless_asked(nominal: Any) -> None:
     text = terminal(nominal, 80)
     assert "Bicycle model" not in text and "If the sensors' filters" not in text
-    assert len(text.splitlines()) < 32
-    assert "Roll-yaw model" in text and "use the roll-yaw model" in text
-    assert "On run4 (not in the fit) J_rms" in text
+    assert len(text.splitlines()) < 34
+    assert "Roll-yaw model" in text and "Use the roll-yaw model" in text
+    verdict = nominal.result.models["roll-yaw"].verification[0]
+    grades = f"J_rms {number(verdict.j_rms, 3)} and TIC {number(verdict.tic, 2)}"
+    assert f"On run4 (not in the fit) {grades}" in " ".join(text.split())
     whole = terminal(nominal, 80, full=True)
     assert "ignores the sensors' low-pass filters has the same cost" in " ".join(whole.split())
 
@@ -245,4 +229,4 @@ def test_a_diagnosis_is_proposed_where_a_response_is_missed_and_only_there(nomin
         "J of a_y is 130: use `rover-sweep diagnose` with the same runs to find what the roll-yaw model "
         "leaves out."
     )
-    assert "rover-sweep diagnose" in page(poor, nominal.provenance, ())
+    assert "rover-sweep diagnose" in terminal((poor, nominal.provenance), 100)

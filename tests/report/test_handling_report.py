@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from rover_sweep.report.identification.identification_json import identification_document
-from rover_sweep.report.identification.terminal import handling_notes, handling_table, to_do
+from rover_sweep.report.identification.sentences import handling_notes, handling_table, to_do
 from rover_sweep.report.wording import strict_json
 
 

@@ -10,7 +10,8 @@ import numpy as np
 
 from rover_sweep.comparison.answer import Bode
 from rover_sweep.report.charts.diagnosis_charts import bode_chart
-from rover_sweep.report.season.season_page import shown_courses, vehicle_page
+from rover_sweep.report.in_html import in_html
+from rover_sweep.report.season.report import vehicle_report
 from rover_sweep.season.season_result import DayValue, TrackedQuantity, VehicleSeason
 
 
@@ -20,7 +21,7 @@ def test_a_vehicles_page_has_a_chart_of_each_quantity() -> None:
     values = tuple(DayValue(day=day, **numbers) for day in days)
     quantity = TrackedQuantity("Cf", "N/rad", "stiffness", 0.1, values)
     vehicle = VehicleSeason("red", dict.fromkeys(days, ("a.BIN",)), {}, (quantity,))
-    html = vehicle_page(vehicle, shown_courses(vehicle), {})
+    html = in_html(vehicle_report(vehicle, {}))
     found = re.search(r'<script type="application/json">(.*?)</script>', html, re.S)
     assert found
     (stack,) = json.loads(found[1])["stacks"]

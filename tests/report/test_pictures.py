@@ -11,10 +11,11 @@ import pytest
 
 from rover_sweep.report.charts.chart import MODELS, Chart, Curve, Panel, Stack
 from rover_sweep.report.charts.response_charts import response_chart, run_chart, verification_chart
-from rover_sweep.report.identification.page import planned, shown_models
+from rover_sweep.report.document import charts_of
+from rover_sweep.report.identification.report import identification_report, shown_models
 
 
-def charts_of(case: Any) -> dict[str, Chart]:
+def paper_charts(case: Any) -> dict[str, Chart]:
     """The charts of the paper's figures."""
     group, models = case.result.groups[0], shown_models(case.result)
     verdicts = {n: m.verification[0] for n, m in models.items() if m.verification}
@@ -27,7 +28,7 @@ def charts_of(case: Any) -> dict[str, Chart]:
 
 @pytest.fixture(scope="module")
 def charts(nominal: Any) -> dict[str, Chart]:
-    return charts_of(nominal)
+    return paper_charts(nominal)
 
 
 def stack(chart: Chart, words: str) -> Stack:
@@ -42,8 +43,12 @@ def line(panel: Panel, label: str) -> Curve:
     return next(item for item in panel.lines if item.label == label)
 
 
+def names_of(*case: Any) -> list[str]:
+    return [plan.name for plan in charts_of(identification_report(*case).sections)]
+
+
 def test_there_is_one_for_each_run_the_models_their_errors_and_the_verification(nominal: Any) -> None:
-    names = [p.name for p in planned(nominal.result, nominal.provenance)]
+    names = names_of(nominal.result, nominal.provenance)
     assert names == ["models", "errors", "verification-run4", "history-run1", "history-run2", "history-run4"]
 
 
@@ -104,17 +109,17 @@ def test_models_differ_in_colour_and_in_dashes() -> None:
 
 
 def test_a_rejected_model_is_not_drawn(stock: Any) -> None:
-    labels = {item.label for panel in panels(charts_of(stock)["models"]) for item in panel.lines}
+    labels = {item.label for panel in panels(paper_charts(stock)["models"]) for item in panel.lines}
     assert "kinematic model" in labels and "bicycle model" not in labels
 
 
 def test_a_response_without_a_band_is_drawn_with_its_phase_within_half_a_turn(stock: Any) -> None:
-    shown = stack(charts_of(stock)["responses"], "roll rate p")
+    shown = stack(paper_charts(stock)["responses"], "roll rate p")
     assert "no usable band" in shown.title
     assert np.max(np.abs(shown.panels[1].lines[0].y)) <= 180
 
 
 def test_runs_of_the_same_name_get_pictures_of_different_names(nominal: Any) -> None:
     again = replace(nominal.provenance, verify_runs=nominal.result.groups[0].runs)
-    names = [p.name for p in planned(nominal.result, again)]
+    names = names_of(nominal.result, again)
     assert len(set(names)) == len(names) and "history-run1-2" in names

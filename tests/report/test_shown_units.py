@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 from rover_sweep.report.charts.chart import Chart
-from rover_sweep.report.identification.comparison import Table, verification_tables
-from rover_sweep.report.identification.page import planned
-from rover_sweep.report.identification.terminal import handling_table
+from rover_sweep.report.document import Table, charts_of
+from rover_sweep.report.identification.report import identification_report
+from rover_sweep.report.identification.sentences import handling_table
+from rover_sweep.report.identification.tables import verification_tables
 from rover_sweep.report.wording import PAPER, SI
 
 FEET = 3.28084  # in 1 m
@@ -40,7 +41,7 @@ def test_only_accelerations_change_in_the_handling(nominal: Any) -> None:
 
 def test_charts_are_scaled_with_their_labels(nominal: Any) -> None:
     si, paper = (
-        {plan.name: plan.make() for plan in planned(nominal.result, nominal.provenance, units)}
+        {plan.name: plan.make() for plan in charts_of(identification_report(*nominal, units).sections)}
         for units in (SI, PAPER)
     )
 

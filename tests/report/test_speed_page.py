@@ -38,7 +38,7 @@ def test_the_answer_comes_first_and_every_setting_is_in_it(
     speed: SpeedIdentification, tmp_path: Path
 ) -> None:
     html = speed.report(tmp_path).page.read_text()
-    first = html.partition('<section class="first">')[2].partition("</section>")[0]
+    first = html.partition('<section class="first" id="answer">')[2].partition("</section>")[0]
     for name in (
         "gain",
         "lag",

@@ -13,7 +13,7 @@ import pytest
 from rover_sweep.errors import UsageError
 from rover_sweep.files.replaced import write_file
 from rover_sweep.report.identification.identification_json import identification_document
-from rover_sweep.report.identification.page import write_report
+from rover_sweep.report.identification.report import write_report
 
 
 def names(folder: Path) -> set[str]:
@@ -102,7 +102,7 @@ def test_a_failure_leaves_the_old_report_whole_or_no_identification_json(
         (tmp_path / name).parent.mkdir(exist_ok=True)
         (tmp_path / name).write_text(text)
     with monkeypatch.context() as broken:
-        broken.setattr("rover_sweep.report.identification.page.page", lambda *_: 1 / 0)
+        broken.setattr("rover_sweep.report.identification.report.in_html", lambda *_: 1 / 0)
         with pytest.raises(ZeroDivisionError):
             write_report(stock.result, tmp_path, stock.provenance)
     assert {name: (tmp_path / name).read_text() for name in names(tmp_path)} == old
@@ -112,7 +112,7 @@ def test_a_failure_leaves_the_old_report_whole_or_no_identification_json(
             raise UsageError("No space left on device")
         return write_file(path, content)
 
-    monkeypatch.setattr("rover_sweep.report.identification.page.write_file", full)
+    monkeypatch.setattr("rover_sweep.report.identification.report.write_file", full)
     with pytest.raises(UsageError):
         write_report(stock.result, tmp_path, stock.provenance)
     assert not (tmp_path / "identification.json").exists()

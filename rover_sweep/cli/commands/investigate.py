@@ -373,12 +373,12 @@ def plan(
 
 def _show(found: Any, as_json: bool) -> None:
     from rover_sweep.cli.views.output import results
-    from rover_sweep.report.diagnosis.page import plan_document, plan_summary
-    from rover_sweep.report.diagnosis.tables import WIDTH
+    from rover_sweep.report.diagnosis.report import plan_document, plan_report
+    from rover_sweep.report.on_terminal import WIDTH, on_terminal
     from rover_sweep.report.wording import strict_json
 
     if as_json:
         echo_json(strict_json(plan_document(found)))
         return
     console = results()
-    console.print(plan_summary(found), width=min(console.width, WIDTH))
+    console.print(on_terminal(plan_report(found)), width=min(console.width, WIDTH))

@@ -6,8 +6,6 @@ from pathlib import Path
 
 import click
 
-STYLES = {"came out": "green", "came out in part": "cyan", "did not come out": "yellow"}
-
 
 @click.command()
 @click.option(
@@ -28,15 +26,12 @@ def study(out: str, seed: int, as_json: bool) -> None:
     the bicycle, roll-yaw and lumped models. Compares Tables 2 to 7 and Figures 2, 3, 6, 7 and 8 with the
     published ones and comments on each finding. No hardware; about half a minute.
     """
-    from rich.text import Text
-
     from rover_sweep.cli.options import check_writable
     from rover_sweep.cli.views.asking import long_work
     from rover_sweep.cli.views.output import echo_json, results
-    from rover_sweep.report.identification.terminal import rich_table
-    from rover_sweep.study.study_folder import all_findings, outcome_counts, write_study
+    from rover_sweep.report.on_terminal import on_terminal
+    from rover_sweep.study.study_folder import all_findings, study_report, write_study
     from rover_sweep.study.virtual_study import study as run
-    from rover_sweep.study.virtual_study import tables
 
     check_writable(Path(out))
     console = results(as_json)
@@ -44,14 +39,7 @@ def study(out: str, seed: int, as_json: bool) -> None:
         result = run(seed, lambda share, what: report(0.75 * share, what))
         found = all_findings(result)
         files = write_study(result, found, Path(out), lambda share, what: report(0.75 + 0.25 * share, what))
-    for table in tables(result):
-        console.print(rich_table(table))
-        console.print()
-    for finding in found:
-        console.print(Text(finding.claim, "bold"))
-        console.print(Text.assemble((f"{finding.outcome}. ", STYLES[finding.outcome]), finding.text))
-        console.print()
-    console.print(Text(outcome_counts(found), "bold"))
+    console.print(on_terminal(study_report(result, found), answer_last=True))
     console.print(f"study: {files.page}", highlight=False, soft_wrap=True, markup=False)
     if as_json:
         echo_json(files.document.read_text(encoding="utf-8"))

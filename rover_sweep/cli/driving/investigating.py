@@ -92,8 +92,8 @@ def _write_report(decisions: list[Decision], rover: tuple[Vehicle, Path], out: P
 
     from rover_sweep.cli.views.output import results
     from rover_sweep.diagnosis.result import DiagnosisSettings
-    from rover_sweep.report.diagnosis.page import write_diagnosis
-    from rover_sweep.report.diagnosis.tables import WIDTH, summary
+    from rover_sweep.report.diagnosis.report import diagnosis_report, write_diagnosis
+    from rover_sweep.report.on_terminal import WIDTH, on_terminal
     from rover_sweep.report.wording import provenance
 
     last = next((d for d in reversed(decisions) if d.diagnosis and d.given), None)
@@ -103,7 +103,7 @@ def _write_report(decisions: list[Decision], rover: tuple[Vehicle, Path], out: P
     made = provenance(*rover, last.given.held_out, command, datetime.now().astimezone())
     files = write_diagnosis(last.diagnosis, out / "report", last.given.origin(made, DiagnosisSettings()))
     shown = results(as_json)
-    shown.print(summary(last.diagnosis), width=min(shown.width, WIDTH))
+    shown.print(on_terminal(diagnosis_report(last.diagnosis)), width=min(shown.width, WIDTH))
     shown.print(f"\nreport: {files.page}", soft_wrap=True, markup=False)
 
 

@@ -17,13 +17,12 @@ from rover_sweep.vehicle.events import Event, Interrupted, RunFinished, SessionF
 if TYPE_CHECKING:
     from contextlib import AbstractContextManager
 
-    from rich.console import RenderableType
-
     from rover_sweep.cli.views.display import PlainDisplay
     from rover_sweep.data.recording import Recording
     from rover_sweep.data.vehicle_file import Vehicle
     from rover_sweep.diagnosis.plans.planner import PlannedRun
     from rover_sweep.identification.pipeline import Identification
+    from rover_sweep.report.document import Table
     from rover_sweep.session.content import SessionRun
     from rover_sweep.session.session import SessionPlan
     from rover_sweep.vehicle.events import Event
@@ -156,7 +155,7 @@ def identify_session(
     rover: tuple[Vehicle, Path],
     as_json: bool,
     full: bool,
-    more: Callable[[Identification], RenderableType] | None = None,
+    more: Callable[[Identification], Table | None] | None = None,
 ) -> None:
     """Identify from the complete runs of a session, verify on its doublets, write its report/.
 

@@ -15,8 +15,6 @@ import click
 from rover_sweep.errors import DataRefused, UsageError
 
 if TYPE_CHECKING:
-    from rich.console import RenderableType
-
     from rover_sweep.api.diagnosis_input import Material
     from rover_sweep.api.read import Reading
     from rover_sweep.batch.measured_logs import Progress
@@ -30,6 +28,7 @@ if TYPE_CHECKING:
     from rover_sweep.identification.model_results import ModelResult
     from rover_sweep.identification.pipeline import Identification
     from rover_sweep.identification.state_space import ModelStructure
+    from rover_sweep.report.document import Table
     from rover_sweep.report.wording import Provenance
     from sitl.plant.variant import PlantParameters
 
@@ -42,19 +41,21 @@ def show_identified(
     out: Path,
     as_json: bool,
     full: bool = False,
-    more: Callable[[Identification], RenderableType] | None = None,
+    more: Callable[[Identification], Table | None] | None = None,
     structures: Sequence[ModelStructure] = (),
     units: str = "SI",
 ) -> None:
-    """Identify, print the answer and `more`, write the report into `out`, print its path.
+    """Identify, print the tables and the answer, write the report into `out`, print its path.
 
-    full: all tables before the answer. structures: the user's own. units: of accelerations, "SI" or
-    "paper". as_json: identification.json on stdout, everything else on stderr.
+    more: a table below the numbers; full: all tables. structures: the user's own. units: of accelerations,
+    "SI" or "paper". as_json: identification.json on stdout, everything else on stderr.
     """
     from rover_sweep.api.identify import identified as identified_models
     from rover_sweep.cli.views.asking import long_work
     from rover_sweep.cli.views.output import echo_json, narration, print_warnings, results
-    from rover_sweep.report.identification.terminal import comparison, conclusion, first_numbers, short_answer
+    from rover_sweep.report.identification.report import identification_report
+    from rover_sweep.report.identification.sentences import first_numbers
+    from rover_sweep.report.on_terminal import on_terminal
     from rover_sweep.report.wording import SHOWN_UNITS
 
     console, shown = narration(), results(as_json)
@@ -69,12 +70,9 @@ def show_identified(
         result = identified_models(
             sweeps, checks, rover, settings, structures, command=command, fitted=show_first
         )
-    if full:
-        shown.print(comparison(result, result.origin, SHOWN_UNITS[units]))
-    if more is not None:
-        shown.print(more(result))
-        shown.print()
-    shown.print((conclusion if full else short_answer)(result, result.origin))
+    table = more(result) if more else None
+    document = identification_report(result, result.origin, SHOWN_UNITS[units], more=table)
+    shown.print(on_terminal(document, full, answer_last=True))
     with long_work("writing the report") as progress:
         files = result.report(out, lambda share, what: progress(share, f"writing {what}"), units)
     if not full:
@@ -106,8 +104,8 @@ def show_diagnosed(
 
     from rover_sweep.cli.views.asking import Interruption, long_work
     from rover_sweep.cli.views.output import echo_json, narration, print_warnings, results
-    from rover_sweep.report.diagnosis.page import write_diagnosis
-    from rover_sweep.report.diagnosis.tables import WIDTH, summary
+    from rover_sweep.report.diagnosis.report import diagnosis_report, write_diagnosis
+    from rover_sweep.report.on_terminal import WIDTH, on_terminal
     from rover_sweep.report.wording import provenance
 
     console, shown = narration(), results(as_json)
@@ -116,7 +114,7 @@ def show_diagnosed(
     origin = given.origin(provenance(*rover, given.held_out, command, datetime.now().astimezone()), settings)
     with Interruption(lambda: console.print(CTRL_C, style="yellow")) as asked:
         found = _computed(given, rover[0], settings, asked)
-        shown.print(summary(found), width=min(shown.width, WIDTH))
+        shown.print(on_terminal(diagnosis_report(found)), width=min(shown.width, WIDTH))
         with long_work("writing the report") as report:
             files = write_diagnosis(found, out, origin, report)
     interrupted = asked.to_stop()
@@ -194,15 +192,14 @@ def show_compared(
 ) -> Path:
     """Compare, write comparison.html and .json, print the summary; the path of comparison.json."""
     from rover_sweep.api.diagnose import compared
-    from rover_sweep.report.comparison.difference_tables import comparison_summary
-    from rover_sweep.report.comparison.page import write_comparison
-    from rover_sweep.report.diagnosis.tables import WIDTH
+    from rover_sweep.report.comparison.report import comparison_report, write_comparison
+    from rover_sweep.report.on_terminal import WIDTH, on_terminal
 
     simulated, laws = _driven(drive, vehicle, found) if drive else (given.simulated, None)
     answer = compared(given.runs, given.held_out, simulated, found, laws, seed).answer
     page = write_comparison(answer, out, provenance)
     shown.print("")
-    shown.print(comparison_summary(answer), width=min(shown.width, WIDTH))
+    shown.print(on_terminal(comparison_report(answer, provenance)), width=min(shown.width, WIDTH))
     shown.print(f"\ncomparison: {page}", soft_wrap=True, markup=False)
     return page.with_suffix(".json")
 
@@ -269,9 +266,8 @@ def show_twin(call: TwinCall, as_json: bool) -> None:
     from rover_sweep.cli.views.asking import Interruption
     from rover_sweep.cli.views.output import echo_json, narration, print_warnings, results
     from rover_sweep.data.vehicle_file import load
-    from rover_sweep.report.comparison.difference_tables import twin_summary
-    from rover_sweep.report.comparison.page import write_twin
-    from rover_sweep.report.diagnosis.tables import WIDTH
+    from rover_sweep.report.comparison.report import twin_report, write_twin
+    from rover_sweep.report.on_terminal import WIDTH, on_terminal
     from rover_sweep.report.wording import provenance
 
     console, shown = narration(), results(as_json)
@@ -287,7 +283,7 @@ def show_twin(call: TwinCall, as_json: bool) -> None:
     command = " ".join(["rover-sweep", *sys.argv[1:]])
     origin = provenance(vehicle, call.vehicle, given.held_out, command, datetime.now().astimezone())
     page = write_twin(found, call.out, origin)
-    shown.print(twin_summary(found), width=min(shown.width, WIDTH))
+    shown.print(on_terminal(twin_report(found, origin)), width=min(shown.width, WIDTH))
     shown.print(f"\nreport: {page}", soft_wrap=True, markup=False)
     shown.print(f"corrected rover: {call.out / 'variant.toml'}", soft_wrap=True, markup=False)
     if as_json:
@@ -427,7 +423,8 @@ def show_season(call: BatchCall, as_json: bool) -> None:
     )
     from rover_sweep.batch.season_of_logs import diagnosed_days, drawn_pages, season_of_logs
     from rover_sweep.cli.views.output import echo_json, results
-    from rover_sweep.report.season.season_page import season_document, season_summary, write_season
+    from rover_sweep.report.on_terminal import on_terminal
+    from rover_sweep.report.season.report import season_document, season_report, write_season
 
     sources = log_sources(call.logs)
     files = read_vehicle_files(call.vehicles) if call.vehicles else files_beside(sources)
@@ -442,7 +439,7 @@ def show_season(call: BatchCall, as_json: bool) -> None:
         pages = drawn_pages(found, said, pool)
     page = write_season(found, logs, pages, call.out, call.parquet)
     shown = results(as_json)
-    season_summary(found, shown)
+    shown.print(on_terminal(season_report(found)))
     shown.print(f"report: {page}", markup=False, soft_wrap=True)
     if as_json:
         echo_json(season_document(found))
@@ -488,15 +485,15 @@ def show_speed(sweeps: Sequence[ThrottleRun], out: Path, as_json: bool, alone: b
 
     as_json: everything on stderr. alone: there are no other runs, so with as_json speed.json goes to stdout.
     """
-    from rover_sweep.api.speed import write_speed_report
+    from rover_sweep.api.speed import speed_findings, write_speed_report
     from rover_sweep.cli.views.output import echo_json, results
     from rover_sweep.identification.identify_speed import identify_speed
-    from rover_sweep.report.speed.speed_page import speed_answer
+    from rover_sweep.report.on_terminal import on_terminal
+    from rover_sweep.report.speed.report import speed_report
 
     shown = results(as_json)
     result = identify_speed(sweeps)
-    for line in speed_answer(result):
-        shown.print(line, soft_wrap=True, markup=False)
+    shown.print(on_terminal(speed_report(speed_findings(result, out))))
     files = write_speed_report(result, out)
     shown.print(f"speed: {files.page}; next: rover-sweep gains {out}", soft_wrap=True, markup=False)
     if as_json and alone:

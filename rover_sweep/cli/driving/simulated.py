@@ -24,17 +24,16 @@ from rover_sweep.errors import UsageError, missing_extra
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from rich.console import RenderableType
-
     from rover_sweep.cli.views.display import PlainDisplay
     from rover_sweep.data.vehicle_file import Vehicle
     from rover_sweep.identification.pipeline import Identification
+    from rover_sweep.report.document import Table
     from rover_sweep.session.session import SessionPlan
     from rover_sweep.session.simulated_rover import SimulatedRover
     from rover_sweep.vehicle.events import Event, SessionFinished
     from sitl.plant.variant import PlantParameters
 
-    Numbers = Callable[[Identification], RenderableType]
+    Numbers = Callable[[Identification], Table | None]
 
 # Simulated rovers of `dry-run` and `run`: their vehicle files and true parameters.
 
@@ -89,17 +88,15 @@ def vehicle_in(folder: Path, rover_file: str | None, text: str | None) -> tuple[
     return load(path), path
 
 
-def truth_view(variant: str) -> Callable[[Identification], RenderableType]:
-    """A function that renders the table of true and identified parameters."""
+def truth_view(variant: str) -> Callable[[Identification], Table | None]:
+    """A function that makes the table of true and identified parameters."""
 
-    def view(result: Identification) -> RenderableType:
+    def view(result: Identification) -> Table | None:
         from rover_sweep.cli.views.gains_table import truth_table
-        from rover_sweep.report.identification.terminal import rich_table
         from sitl.plant.effects.replaced_numbers import resolved
         from sitl.plant.variant import load_variant
 
-        table = truth_table(result, resolved(load_variant(variant)))
-        return rich_table(table) if table else ""
+        return truth_table(result, resolved(load_variant(variant)))
 
     return view
 

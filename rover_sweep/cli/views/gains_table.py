@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from rover_sweep.identification.pipeline import Identification
-    from rover_sweep.report.identification.comparison import Table as ReportTable
+    from rover_sweep.report.document import Table as ReportTable
     from sitl.plant.variant import PlantParameters
 
 LARGE = 2.0  # factor of a gain from which the change is tried off the ground first
@@ -227,7 +227,7 @@ def truth_table(result: Identification, rover: PlantParameters) -> ReportTable |
     """True and identified numbers, else the recommended physical model's parameters; None without any."""
     from rover_sweep.data.results import number
     from rover_sweep.identification.acceptance import TITLES, usable
-    from rover_sweep.report.identification.comparison import Cell, Table
+    from rover_sweep.report.document import Cell, Table
     from rover_sweep.report.wording import change, symbol, unit
 
     models = usable(result)

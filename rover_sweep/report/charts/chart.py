@@ -85,11 +85,10 @@ class Chart:
 
 @dataclass(frozen=True, eq=False)
 class ChartPlan:
-    """A chart of a report, made when needed. name: of its file; section: of its page; interactive: with the
-    data that the page's script draws."""
+    """A chart of a report, made when needed. name: of its file, unique in the report; interactive: with
+    the data that the page's script draws."""
 
     name: str
-    section: str
     caption: str
     make: Callable[[], Chart]
     interactive: bool = True

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import base64
 import json
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
@@ -287,7 +287,6 @@ def _uplot_panel(panel: Panel, kind: str) -> dict[str, Any]:
 class ShownChart:
     """A chart of a page. svg: its static form; data: JSON, "" for none."""
 
-    section: str
     caption: str
     svg: str
     data: str = ""
@@ -306,24 +305,4 @@ class ShownChart:
 def shown_chart(plan: ChartPlan) -> ShownChart:
     """A chart with its static SVG."""
     chart = plan.make()
-    return ShownChart(plan.section, plan.caption, svg(chart), chart_json(chart) if plan.interactive else "")
-
-
-def shown_charts(
-    plans: Sequence[ChartPlan], progress: Callable[[float, str], None] | None = None
-) -> tuple[ShownChart, ...]:
-    """All charts of a page. progress: called with the share done, 0..1, and the step."""
-    shown = []
-    for k, plan in enumerate(plans):
-        if progress:
-            progress(k / len(plans), f"drawing {plan.name}")
-        shown.append(shown_chart(plan))
-    return tuple(shown)
-
-
-def by_section(pictures: Sequence[ShownChart]) -> dict[str, list[ShownChart]]:
-    """{section: its pictures}, for `figures` of page_parts.html.j2."""
-    sections: dict[str, list[ShownChart]] = {}
-    for picture in pictures:
-        sections.setdefault(picture.section, []).append(picture)
-    return sections
+    return ShownChart(plan.caption, svg(chart), chart_json(chart) if plan.interactive else "")

@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 
-from rich.console import Group, RenderableType
-from rich.text import Text
-
-from rover_sweep.comparison.answer import Agreement, Comparison, Correction, Difference, Kind, Twin, TwinDrive
+from rover_sweep.comparison.answer import Agreement, Comparison, Correction, Difference, Kind, TwinDrive
 from rover_sweep.data.results import Quantity, ends_words, number
 from rover_sweep.diagnosis.result import Mismatch
 from rover_sweep.report.diagnosis.tables import PLAINLY
-from rover_sweep.report.identification.comparison import Cell, Table, Tone
-from rover_sweep.report.identification.terminal import Sentence, rich_table
-from rover_sweep.report.wording import band, channel, range_words, sentence, symbol, unit
+from rover_sweep.report.document import Cell, Level, Table, Tone
+from rover_sweep.report.wording import band, channel, range_words, symbol, unit
 
 KINDS: dict[Kind, str] = {
     "instrument": "instrument",
@@ -115,8 +111,9 @@ def could_differ_table(found: Comparison) -> Table | None:
     return Table("What could still differ unseen", headings, tuple(rows), BOUNDS, 2)
 
 
-def correction_table(corrections: Sequence[Correction], reasons: bool = False) -> Table:
-    """Entry, simulation before, recordings, simulation after; within 80 columns without the reasons."""
+def correction_table(corrections: Sequence[Correction], level: Level) -> Table:
+    """Entry, simulation before, recordings, simulation after; with the reasons only on a page."""
+    reasons = level == "page"
     rows = tuple(
         (
             Cell(c.entry.removeprefix("effects."), "strong"),
@@ -128,7 +125,7 @@ def correction_table(corrections: Sequence[Correction], reasons: bool = False) -
         for c in corrections
     )
     headings = ("entry", "before", "recorded (90 %)", "after", *(("what it is",) if reasons else ()))
-    return Table("What was corrected in the simulated rover", headings, rows, text_columns=5)
+    return Table("What was corrected in the simulated rover", headings, rows, text_columns=5, level=level)
 
 
 def rounds_table(rounds: Sequence[TwinDrive]) -> Table:
@@ -148,61 +145,3 @@ def rounds_table(rounds: Sequence[TwinDrive]) -> Table:
 def _level(r: TwinDrive, run: str) -> Cell:
     level = next((a.overall for a in r.comparison.agreement if a.run == run), None)
     return Cell(number(level, 3), "" if level is None else _tone(level))
-
-
-# A comparison, and a corrected simulation, for the terminal.
-
-
-def comparison_summary(found: Comparison) -> Group:
-    """The answer, the differences, where they show, and the runs."""
-    return Group(*_spaced(_compared(found)))
-
-
-def twin_summary(found: Twin) -> Group:
-    """The answer, what was corrected, and each run drive by drive."""
-    return Group(*_spaced(_corrected(found)))
-
-
-def _spaced(parts: Iterator[RenderableType]) -> Iterator[RenderableType]:
-    for k, part in enumerate(parts):
-        if k:
-            yield Text("")
-        yield part
-
-
-def _compared(found: Comparison) -> Iterator[RenderableType]:
-    style = "bold green" if found.verdict == "agree" else "bold yellow"
-    yield Group(Text("SIMULATION AND RECORDINGS", style), Sentence(sentence(found.sentence), "bold"))
-    if found.differences:
-        yield Group(*(_hanging(d.sentence) for d in found.differences))
-    for d in found.differences:
-        if d.look_alikes:
-            yield Sentence(
-                sentence(f"instead of {d.name}, these explain it as well: {', '.join(d.look_alikes)}")
-            )
-    if found.instruments:
-        yield Group(*(_hanging(i.sentence) for i in found.instruments))
-    if found.places:
-        yield rich_table(place_table(found.places))
-    if found.minor:
-        yield rich_table(difference_table(found.minor, "Smaller than the normal tolerance"))
-    yield rich_table(agreement_table(found.agreement))
-    if found.remarks:
-        yield Group(*(_hanging(remark) for remark in found.remarks))
-
-
-def _corrected(found: Twin) -> Iterator[RenderableType]:
-    style = "bold green" if found.agrees else "bold yellow"
-    yield Group(
-        Text("TWIN AGREES" if found.agrees else "TWIN STILL DIFFERS", style),
-        Sentence(sentence(found.sentence), "bold"),
-    )
-    if found.corrections:
-        yield rich_table(correction_table(found.corrections))
-    yield rich_table(rounds_table(found.rounds))
-    if found.left or found.remarks:
-        yield Group(*(_hanging(words) for words in (*found.left, *found.remarks)))
-
-
-def _hanging(text: str) -> Sentence:
-    return Sentence(sentence(text), first="- ", rest="  ")

@@ -2,32 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 
 import numpy as np
-from rich.console import Group, RenderableType
-from rich.text import Text
 
-from rover_sweep.data.braille import braille_lines
 from rover_sweep.data.results import Quantity, ends_words, number
-from rover_sweep.diagnosis.result import Diagnosis, Finding, HeldOut, LawCurve, Unknown
-from rover_sweep.diagnosis.verdict import importance_words
-from rover_sweep.report.identification.comparison import Cell, Table, Tone
-from rover_sweep.report.identification.terminal import Sentence, rich_table
+from rover_sweep.diagnosis.result import Diagnosis, Finding, HeldOut, Unknown
+from rover_sweep.report.document import Cell, Table, Tone
 from rover_sweep.report.wording import (
     SHORT_NAMES,
     band,
     capital,
     change,
     channel,
-    hiding_words,
     range_words,
-    sentence,
     symbol,
     title,
     unit,
 )
 
+ROOM = 24  # characters of a run's name
 PLAINLY = 3.0  # times the noise floor: a residual this large is visible in a time history
 FLOOR = (
     "J_rms in deg/s and ft/s², with the noise; TIC 0 (perfect) to 1. Share removed: of the squared residual "
@@ -65,48 +59,27 @@ def _size(ratio: float) -> Cell:
     return Cell(f"{number(ratio, 2)} ×", "strong" if ratio > PLAINLY else "")
 
 
-def value_table(values: Sequence[Quantity], heading: str, words: bool = True) -> Table:
-    """Parameter, meaning, value, 90 % interval, unit. words: include the meaning."""
-    columns = ("", "", "value", "90 % interval", "unit") if words else ("", "value", "90 % interval", "unit")
-    rows = tuple(_value_row(v, words) for v in values)
-    return Table(heading, columns, rows, text_columns=2 if words else 1)
-
-
-def _value_row(v: Quantity, words: bool) -> tuple[Cell, ...]:
-    name, *numbers = _value_cells(v)
-    return (name, Cell(v.meaning), *numbers) if words else (name, *numbers)
-
-
-def _value_cells(v: Quantity) -> tuple[Cell, ...]:
-    return (
-        Cell(symbol(v.name)),
-        Cell(number(v.value, 3), "strong"),
-        Cell(ends_words(v.low, v.high)),
-        Cell(unit(v.unit)),
+def value_table(values: Sequence[Quantity], heading: str) -> Table:
+    """Parameter, meaning, value, 90 % interval, unit."""
+    rows = tuple(
+        (
+            Cell(symbol(v.name)),
+            Cell(v.meaning),
+            Cell(number(v.value, 3), "strong"),
+            Cell(ends_words(v.low, v.high)),
+            Cell(unit(v.unit)),
+        )
+        for v in values
     )
+    return Table(heading, ("", "", "value", "90 % interval", "unit"), rows, text_columns=2)
 
 
-def finding_table(found: Diagnosis) -> Table:
-    """All findings, one row per parameter."""
-    rows: list[tuple[Cell, ...]] = []
-    for f in found.findings:
-        cells = [_value_cells(v) for v in f.parameters] or [tuple(Cell("–") for _ in range(4))]
-        rows += [(Cell(f.effect if k == 0 else "", "strong"), *row) for k, row in enumerate(cells)]
-    headings = ("missing effect", "", "value", "90 % interval", "unit")
-    return Table("Findings", headings, tuple(rows), text_columns=2)
-
-
-def held_out_table(
-    held_out: Sequence[HeldOut], heading: str, note: bool = True, room: int | None = None
-) -> Table:
-    """J_rms and TIC before and after on each held-out run, and the share of the explainable error removed.
-
-    room: characters for the name of a run; longer names are cut at the front.
-    """
+def held_out_table(held_out: Sequence[HeldOut], heading: str, note: bool = True) -> Table:
+    """J_rms and TIC before and after on each held-out run, and the share of the explainable error removed."""
     headings = ("run", "J_rms before", "after", "TIC before", "after", "share removed")
     rows = tuple(
         (
-            Cell(_ending(h.run, room)),
+            Cell(_ending(h.run)),
             *_pair(h.before.j_rms, h.after.j_rms, 3),
             *_pair(h.before.tic, h.after.tic, 2),
             Cell(share(h.share_removed)),
@@ -116,8 +89,9 @@ def held_out_table(
     return Table(heading, headings, rows, FLOOR if note else "")
 
 
-def _ending(name: str, room: int | None) -> str:
-    return name if room is None or len(name) <= room else f"…{name[1 - room :]}"
+def _ending(name: str) -> str:
+    """The name of a run, cut at the front where it would leave no width for the numbers."""
+    return name if len(name) <= ROOM else f"…{name[1 - ROOM :]}"
 
 
 def _pair(before: float, after: float, digits: int) -> tuple[Cell, Cell]:
@@ -130,17 +104,14 @@ def share(value: float | None) -> str:
     return "at the floor" if value is None else f"{100 * min(value, 1.0):.0f} %"
 
 
-def cost_table(held_out: Sequence[HeldOut], room: int | None = None) -> Table | None:
-    """J per response before and after on held-out sweeps; None without a held-out sweep.
-
-    room: as in `held_out_table`.
-    """
+def cost_table(held_out: Sequence[HeldOut]) -> Table | None:
+    """J per response before and after on held-out sweeps; None without a held-out sweep."""
     having = [h for h in held_out if h.before.cost]
     if not having:
         return None
     outputs = list(dict.fromkeys(o for h in having for o in (*h.before.cost, *h.after.cost)))
     rows = tuple(
-        (Cell(_ending(h.run, room)), Cell(label), *(Cell(_cost(fit.cost.get(o))) for o in outputs))
+        (Cell(_ending(h.run)), Cell(label), *(Cell(_cost(fit.cost.get(o))) for o in outputs))
         for h in having
         for label, fit in (("before", h.before), ("after", h.after))
     )
@@ -266,106 +237,6 @@ def finding_title(f: Finding) -> str:
     return capital(title(f.effect))
 
 
-# A diagnosis for the terminal, 80 columns wide.
-
-
-WIDTH = 80
-BENT = 0.05  # share of a curve's height from which its bend is drawn
-PLOT = (44, 7)  # characters and rows of a curve
-ROOM = 24  # characters of a run's name that leave enough width for the numbers
-STYLES = {
-    "none": "bold green",
-    "explained": "bold",
-    "partly explained": "bold",
-    "unexplained": "bold yellow",
-    "refused": "bold red",
-}
-
-
-def summary(found: Diagnosis) -> Group:
-    """Verdict, mismatches, findings, held-out runs, unknown, undetectable, for `Console.print`."""
-    return Group(*_spaced(_parts(found)))
-
-
-def _spaced(parts: Iterator[RenderableType]) -> Iterator[RenderableType]:
-    for k, part in enumerate(parts):
-        if k:
-            yield Text("")
-        yield part
-
-
-def _parts(found: Diagnosis) -> Iterator[RenderableType]:
-    yield Group(
-        Text(found.verdict.upper(), STYLES[found.verdict]), Sentence(sentence(found.sentence), "bold")
-    )
-    if hiding := hiding_words(found.cannot_see):
-        yield Sentence(sentence(f"could still hide (95 %): {hiding}"))
-    if found.mismatch:
-        yield rich_table(mismatch_table(found))
-    elif found.findings:
-        yield Sentence(
-            "No residual clearly exceeds the noise floor: the nominal parameters absorb the missing effects."
-        )
-    if found.findings:
-        yield rich_table(finding_table(found))
-        yield from (_explained(f) for f in found.findings)
-        yield from (_drawn(curve) for curve in found.curves if curve.bend >= BENT)
-    if falsified := falsified_table(found):
-        yield rich_table(falsified)
-    if found.held_out:
-        yield rich_table(held_out_table(found.held_out, "On held-out runs", room=ROOM))
-    if costs := cost_table(found.held_out, ROOM):
-        yield rich_table(costs)
-    if found.unknown:
-        yield _unknown(found.unknown, found.sentence)
-    if unseen := unseen_table(found):
-        yield rich_table(unseen)
-    if found.remarks:
-        yield Group(*(_hanging(sentence(remark)) for remark in found.remarks))
-
-
-def _explained(f: Finding) -> Group:
-    """The finding's sentence, evidence, look-alikes, and the run that would decide."""
-    lines: list[RenderableType] = [Text(f.effect, "bold")]
-    words = [
-        f.sentence,
-        importance_words(f),
-        f.turn,
-        evidence_words(f),
-        certainty_words(f),
-        look_alike_words(f),
-        next_words(f),
-    ]
-    lines += [_indented(sentence(text)) for text in words if text]
-    return Group(*lines)
-
-
-def _drawn(curve: LawCurve) -> Group:
-    """The ends of a curve's 90 % band and the straight line of its middle, in dots."""
-    across, up = (min(curve.x), max(curve.x)), (min(curve.low), max(curve.high))
-    lines = braille_lines(
-        [(curve.x, curve.low), (curve.x, curve.high), (across, curve.straight(across))], across, up, *PLOT
-    )
-    labels = [number(up[1], 2), *[""] * (PLOT[1] - 2), number(up[0], 2)]
-    rows = [f"  {label:>8} ┤{line}" for label, line in zip(labels, lines, strict=True)]
-    left, right = (number(end, 2) for end in across)
-    return Group(
-        Text(f"{curve.place}, {curve.unit}, over {curve.over}, {curve.over_unit}", "bold"),
-        Text("\n".join([*rows, f"{'':11}{left}{right:>{PLOT[0] - len(left)}}"])),
-        Sentence("Both ends of the 90 % band, and a straight line.", "dim"),
-    )
-
-
-def _unknown(u: Unknown, headline: str) -> Group:
-    """What is known of the unexplained part, one line each, without what the headline says already."""
-    size = (
-        f"{number(u.residual_over_noise, 2)} × the noise in {channel(u.channel)}, depends on {u.depends_on}"
-    )
-    clauses = [clause for clause in u.sentence.split("; ") if clause not in headline]
-    words = [*clauses, size, law_words(u), *held_out_lines(u)]
-    return Group(Text("unknown", "bold yellow"), *(_indented(sentence(text)) for text in words if text))
-
-
 def law_words(u: Unknown) -> str:
     """The fitted laws of the unknown part and the share that it predicts on held-out data, "" for none."""
     if not u.law:
@@ -386,11 +257,3 @@ def held_out_lines(u: Unknown) -> list[str]:
         f"{'them' if len(u.curves) > 1 else 'it'}"
         for h in u.held_out
     ]
-
-
-def _indented(text: str) -> Sentence:
-    return Sentence(text, first="  ", rest="  ")
-
-
-def _hanging(text: str) -> Sentence:
-    return Sentence(text, "dim", first="- ", rest="  ")

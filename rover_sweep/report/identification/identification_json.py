@@ -19,7 +19,7 @@ from rover_sweep.identification.pipeline import Identification, ModelResult
 from rover_sweep.identification.state_space import OUTPUTS
 from rover_sweep.identification.verify import Verification
 from rover_sweep.quality.verdict import CoherenceVerdict
-from rover_sweep.report.identification.terminal import handling_document
+from rover_sweep.report.identification.sentences import handling_document
 from rover_sweep.report.wording import Provenance, plain
 from rover_sweep.spectra.response import FrequencyResponse
 

@@ -10,7 +10,7 @@ from markupsafe import Markup
 from rover_sweep.data.recording import Signal
 from rover_sweep.report.charts.chart import kept_points
 from rover_sweep.report.charts.static_svg import in_script, packed
-from rover_sweep.report.templates import environment
+from rover_sweep.report.in_html import templates
 from rover_sweep.report.wording import versions
 
 MOST = 200_000  # points of a page: about 2 MB
@@ -27,10 +27,8 @@ def log_page(name: str, logs: Sequence[Mapping[str, Signal]]) -> str:
     start = min((float(s.t[0]) for s in signals.values()), default=0.0)
     most = MOST // max(len(signals), 1)
     data = {label: _channel(signal, start, most) for label, signal in signals.items()}
-    page = environment("report/view").get_template("view.html.j2")
-    return page.render(
-        name=name, channels=data, data=Markup(in_script(data)), pictures={}, versions=versions()
-    )
+    page = templates().get_template("view/view.html.j2")
+    return page.render(name=name, channels=data, data=Markup(in_script(data)), versions=versions())
 
 
 def _channel(signal: Signal, start: float, most: int) -> dict[str, object]:

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Literal
 
 from rover_sweep.data.results import ends_words, number
 from rover_sweep.identification.acceptance import TITLES, inertia_of, judged_runs, ordered, rejection, usable
@@ -21,6 +19,7 @@ from rover_sweep.identification.verdicts import (
     ReductionStep,
 )
 from rover_sweep.identification.verify import Overlay
+from rover_sweep.report.document import Cell, Table, Tone
 from rover_sweep.report.wording import (
     FOOT,
     OUTPUT_NAMES,
@@ -35,7 +34,6 @@ from rover_sweep.report.wording import (
     unit,
 )
 
-Tone = Literal["", "good", "warn", "bad", "muted", "strong"]
 SINGLE_J = 150.0  # a single response up to 150-200 is tolerable (Tischler & Remple 2012)
 IGNORED = "filters ignored"
 INTERVALS = (
@@ -50,25 +48,6 @@ NUMBERS = (
     "and normal differences of both axles. CIFER fit: of the responses alone, with the vehicle file as exact."
 )
 CIFER = "Trust the interval; CR and I are for comparison with CIFER."
-
-
-@dataclass(frozen=True)
-class Cell:
-    """A text and its tone: good, warn (outside a guideline), bad (rejected), muted (fixed)."""
-
-    text: str
-    tone: Tone = ""
-
-
-@dataclass(frozen=True)
-class Table:
-    """A table. text_columns: number of left columns with words; the others have numbers."""
-
-    title: str
-    headings: tuple[str, ...]
-    rows: tuple[tuple[Cell, ...], ...]
-    note: str = ""
-    text_columns: int = 1
 
 
 def numbers_table(result: Identification) -> Table | None:
@@ -94,35 +73,33 @@ def numbers_table(result: Identification) -> Table | None:
     return Table("Numbers of the rover", headings, rows, NUMBERS, 2)
 
 
-def parameter_table(
-    result: Identification, name: str, fixed_rows: bool = True, accuracies: bool = True
-) -> Table:
+def main_table(result: Identification) -> Table | None:
+    """The rover's numbers, or else the free parameters of the recommended model; None without either."""
+    name = result.recommended
+    if not name or name not in result.models or rejection(result, name):
+        return None
+    return numbers_table(result) or parameter_table(result, name, brief=True)
+
+
+def parameter_table(result: Identification, name: str, brief: bool = False) -> Table:
     """Description, value, unit, interval, CR and insensitivity of one model, as Tables 2, 3 and 4.
 
-    Without intervals, their column shows which parameters are free.
-    fixed_rows: a row for each fixed parameter; otherwise the note lists them. accuracies: CR and I too, for
-    those who compare with CIFER; always shown where there is no interval.
+    Without intervals, their column shows which parameters are free. brief: the free parameters only, without
+    CR and I where there are intervals.
     """
     model, reason = result.models[name], rejection(result, name)
     free = [e for e in model.fit.estimates if e.free]
     speed = Estimate("V", "m/s", model.fit.speed, False, None, None, meaning="forward speed")
-    fixed = [speed, *(e for e in model.fit.estimates if not e.free)]
-    rows = [_free_row(e, reason) for e in free] + [_fixed_row(e) for e in fixed if fixed_rows]
+    fixed = [] if brief else [speed, *(e for e in model.fit.estimates if not e.free)]
+    rows = [_free_row(e, reason) for e in free] + [_fixed_row(e) for e in fixed]
     known = not reason and any(e.interval for e in free)
-    note = f"The numbers were rejected: {reason}." if reason else "" if fixed_rows else _fixed_words(fixed)
     headings = ("", "description", "value", "unit", "90 % interval" if known else "", "CR %", "I %")
-    if known and fixed_rows:
-        note = f"{note} {INTERVALS}".strip()
-    shown = len(headings) if accuracies or not known else len(headings) - 2
-    note = f"{note} {CIFER}".strip() if known and accuracies else note
-    cut = tuple(row[:shown] for row in rows)
-    return Table(f"{TITLES.get(name, name)} model", headings[:shown], cut, note, 2)
-
-
-def _fixed_words(fixed: list[Estimate]) -> str:
-    values = [f"{symbol(e.name)} {number(e.value)} {unit(e.unit)}" for e in fixed if e.value]
-    zero = [symbol(e.name) for e in fixed if not e.value]
-    return f"Fixed: {', '.join(values)}" + (f"; 0: {', '.join(zero)}" if zero else "") + "."
+    note = f"The numbers were rejected: {reason}." if reason else ""
+    if known and not brief:
+        note = f"{INTERVALS} {CIFER}"
+    kept = 5 if known and brief else 7
+    title = f"{TITLES.get(name, name)} model"
+    return Table(title, headings[:kept], tuple(row[:kept] for row in rows), note, 2)
 
 
 def _free_row(e: Estimate, reason: str | None) -> tuple[Cell, ...]:

@@ -11,17 +11,14 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from rich.console import Console
-
 from rover_sweep.data.results import number
 from rover_sweep.errors import missing_extra
 from rover_sweep.files.replaced import write_file
 from rover_sweep.report.charts.chart import ChartPlan
 from rover_sweep.report.charts.response_charts import season_chart
-from rover_sweep.report.charts.static_svg import ShownChart, by_section, shown_chart
-from rover_sweep.report.identification.comparison import Cell, Table
-from rover_sweep.report.templates import environment
-from rover_sweep.report.wording import sentence, strict_json, symbol, unit, versions
+from rover_sweep.report.document import Badge, Cell, Document, Figures, Section, Sentence, Table, items, some
+from rover_sweep.report.in_html import in_html
+from rover_sweep.report.wording import count, sentence, strict_json, symbol, unit, versions, versions_words
 from rover_sweep.season.season_result import Drift, MeasuredLog, ParameterChange, Season, VehicleSeason
 
 # A season as tables of columns for other programs: CSV, and Parquet with pyarrow.
@@ -131,14 +128,6 @@ CAPTION = (
 )
 
 
-def shown_courses(vehicle: VehicleSeason) -> tuple[ShownChart, ...]:
-    """One picture with a chart of each quantity."""
-    if not vehicle.quantities:
-        return ()
-    draw = partial(season_chart, vehicle.quantities, vehicle.drifts)
-    return (shown_chart(ChartPlan("courses", "courses", CAPTION, draw)),)
-
-
 # A season as tables of its pages.
 
 
@@ -243,22 +232,7 @@ def day_table(vehicle: VehicleSeason) -> Table:
     return Table("Days", ("day", "logs"), rows, text_columns=2)
 
 
-# The summary of a season on a terminal.
-
-
-def season_summary(season: Season, console: Console) -> None:
-    """The answer, each change in a sentence, each log that could not be used."""
-    console.print(sentence(season.sentence), style="bold", markup=False, soft_wrap=True)
-    for vehicle in season.vehicles:
-        for drift in vehicle.drifts:
-            if drift.counts or (drift.cause and drift.matters):
-                mark = "  " if drift.cause else "- "
-                console.print(f"{mark}{drift.sentence}", markup=False, soft_wrap=True)
-    for source, why in season.refused:
-        console.print(f"not used: {source}: {why}", style="yellow", markup=False, soft_wrap=True)
-
-
-Section = tuple[str, str, Sequence[Table], str, Sequence[str]]  # anchor, heading, tables, pictures, texts
+# A season, and one vehicle of it, as documents.
 
 
 def page_names(season: Season) -> dict[str, str]:
@@ -271,89 +245,79 @@ def page_names(season: Season) -> dict[str, str]:
     return out
 
 
-def fleet_page(season: Season) -> str:
-    """The page of the fleet, with links to the vehicles in vehicles/."""
-    sections: list[Section] = []
-    if season.drifts:
-        sections.append(("drifts", "What changed", (drift_table(season.drifts, "What changed"),), "", ()))
-    follow = [d for v in season.vehicles for d in v.drifts if d.matters and d.cause]
-    if follow:
-        sections.append(
-            ("with", "What changed with them", (drift_table(follow, "At the same time"),), "", ())
-        )
-    minor = [d for v in season.vehicles for d in v.drifts if not d.counts and not d.cause]
-    if minor:
-        heading = "Within normal tolerance, or on one day only"
-        sections.append(("minor", heading, (drift_table(minor, heading),), "", ()))
-    if season.refused:
-        sections.append(("refused", "Logs that could not be used", (refused_table(season),), "", ()))
-    names = page_names(season)
-    vehicles = [
-        (v.name, f"vehicles/{names[v.name]}.html", len(v.logs), sum(map(len, v.logs.values())), _summary(v))
-        for v in season.vehicles
-    ]
-    tone = "warn" if season.drifts else "good"
-    verdict = "changed" if season.drifts else "unchanged"
-    return _page(
-        "Season of the fleet", (season.sentence, verdict, tone), season.drifts, sections, vehicles, ()
+def season_report(season: Season) -> Document:
+    """The season of the fleet, with links to the pages of the vehicles in vehicles/."""
+    drifts = [d for v in season.vehicles for d in v.drifts]
+    follow = [d for d in drifts if d.matters and d.cause]
+    minor = [d for d in drifts if not d.counts and not d.cause]
+    refused = (f"not used: {source}: {why}" for source, why in season.refused)
+    small = "Within normal tolerance, or on one day only"
+    return Document(
+        "Season of the fleet",
+        f"rover-sweep {versions()['rover_sweep']}",
+        (
+            _verdict(season.sentence, bool(season.drifts)),
+            *items([sentence(d.sentence) for d in drifts if d.counts or d in follow]),
+            *(Sentence(words, "warn", level="terminal") for words in refused),
+        ),
+        (
+            Section("Vehicles", some(_vehicle_table(season)), "vehicles", level="page"),
+            Section("What changed", some(drift_table(season.drifts, "What changed")), "drifts", level="page"),
+            Section(
+                "What changed with them", some(drift_table(follow, "At the same time")), "with", level="page"
+            ),
+            Section(small, some(drift_table(minor, small)), "minor", level="page"),
+            Section("Logs that could not be used", some(refused_table(season)), "refused", level="page"),
+        ),
+        foot=(Sentence(versions_words(versions()), "muted"),),
     )
 
 
-def vehicle_page(vehicle: VehicleSeason, pictures: Sequence[ShownChart], diagnoses: Mapping[str, str]) -> str:
-    """The page of a vehicle. diagnoses: {day: sentence}."""
+def vehicle_report(vehicle: VehicleSeason, diagnoses: Mapping[str, str]) -> Document:
+    """One vehicle of a season. diagnoses: {day: sentence}."""
     found = [d for d in vehicle.drifts if d.counts]
-    sections: list[Section] = []
-    if vehicle.drifts:
-        sections.append(("drifts", "What changed", (drift_table(vehicle.drifts, "What changed"),), "", ()))
-    if vehicle.quantities:
-        sections.append(("courses", "Day by day", (), "courses", ()))
-        sections.append(("values", "Values", (season_value_table(vehicle),), "", ()))
-    if vehicle.parameters:
-        table = parameter_change_table(vehicle.parameters)
-        sections.append(("parameters", "Parameters that changed", (table,), "", ()))
-    if diagnoses:
-        sections.append(("diagnoses", "Diagnosis of each day", (diagnosis_table(diagnoses),), "", ()))
+    days = count(len(vehicle.logs), "day")
+    words = f"{count(len(found), 'change')} in {days}" if found else f"nothing changed in {days}"
     boards = tuple(f"{board}: from {day} on." for board, day in vehicle.boards.items())
-    sections.append(
-        ("days", "Days and logs", (day_table(vehicle),), "", (*boards, *map(sentence, vehicle.remarks)))
+    draw = partial(season_chart, vehicle.quantities, vehicle.drifts)
+    courses = Figures((ChartPlan("courses", CAPTION, draw),) if vehicle.quantities else ())
+    remarks = (Sentence(text) for text in (*boards, *map(sentence, vehicle.remarks)))
+    return Document(
+        vehicle.name,
+        f"rover-sweep {versions()['rover_sweep']}",
+        (_verdict(words, bool(found)), *items([sentence(d.sentence) for d in found])),
+        (
+            Section("What changed", some(drift_table(vehicle.drifts, "What changed")), "drifts"),
+            Section("Day by day", some(courses), "courses"),
+            Section("Values", some(season_value_table(vehicle)), "values"),
+            Section(
+                "Parameters that changed", some(parameter_change_table(vehicle.parameters)), "parameters"
+            ),
+            Section("Diagnosis of each day", some(diagnosis_table(diagnoses)), "diagnoses"),
+            Section("Days and logs", (*remarks, day_table(vehicle)), "days"),
+        ),
+        (("../season.html", "Fleet"),),
+        (Sentence(versions_words(versions()), "muted"),),
     )
-    words = (
-        f"{len(found)} change(s) in {len(vehicle.logs)} day(s)"
-        if found
-        else (f"nothing changed in {len(vehicle.logs)} day(s)")
-    )
-    answer = words, "changed" if found else "unchanged", "warn" if found else "good"
-    return _page(vehicle.name, answer, found, sections, (), pictures)
 
 
-def _summary(vehicle: VehicleSeason) -> str:
-    found = [d.quantity for d in vehicle.drifts if d.counts]
-    return ", ".join(found) if found else "–"
+def _verdict(words: str, changed: bool) -> Sentence:
+    badge = Badge("changed", "warn") if changed else Badge("unchanged", "good")
+    return Sentence(sentence(words), "strong", badge=badge)
 
 
-def _page(
-    title: str,
-    answer: tuple[str, str, str],
-    drifts: Sequence[Drift],
-    sections: Sequence[Section],
-    vehicles: Sequence[tuple[str, str, int, int, str]],
-    pictures: Sequence[ShownChart],
-) -> str:
-    return (
-        environment("report/season")
-        .get_template("season.html.j2")
-        .render(
-            title=title,
-            answer=sentence(answer[0]),
-            verdict=answer[1],
-            tone=answer[2],
-            lines=[sentence(d.sentence) for d in drifts],
-            sections=sections,
-            vehicles=vehicles,
-            versions=versions(),
-            pictures=by_section(pictures),
+def _vehicle_table(season: Season) -> Table:
+    names = page_names(season)
+    rows = tuple(
+        (
+            Cell(v.name, link=f"vehicles/{names[v.name]}.html"),
+            Cell(", ".join(d.quantity for d in v.drifts if d.counts) or "–"),
+            Cell(str(len(v.logs))),
+            Cell(str(sum(map(len, v.logs.values())))),
         )
+        for v in season.vehicles
     )
+    return Table("Vehicles", ("vehicle", "changed", "days", "logs"), rows, text_columns=2)
 
 
 # The folder of a season.
@@ -380,7 +344,7 @@ def write_season(
     for vehicle, page in pages.items():
         write_file(directory / "vehicles" / f"{names[vehicle]}.html", page)
     write_file(directory / "season.json", season_document(season))
-    return write_file(directory / "season.html", fleet_page(season))
+    return write_file(directory / "season.html", in_html(season_report(season)))
 
 
 def season_document(season: Season) -> str:

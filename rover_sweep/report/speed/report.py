@@ -10,23 +10,26 @@ from typing import Any
 from rover_sweep.data.results import Quantity, ends_words, number
 from rover_sweep.gains.proposal import SteeringLimits
 from rover_sweep.gains.speed_proposal import AssessedSpeed, SpeedProposal
-from rover_sweep.identification.identify_speed import (
-    SHARE,
-    Coasting,
-    SpeedResult,
-    driving_drag,
-    speed_parameters,
-)
+from rover_sweep.identification.identify_speed import SHARE, Coasting, SpeedResult, speed_parameters
 from rover_sweep.report.charts.chart import ChartPlan
 from rover_sweep.report.charts.response_charts import (
     speed_step_chart,
     throttle_response_chart,
     throttle_run_chart,
 )
-from rover_sweep.report.charts.static_svg import by_section, shown_chart
-from rover_sweep.report.identification.comparison import Cell, Table
-from rover_sweep.report.templates import environment
-from rover_sweep.report.wording import sentence, unit, versions
+from rover_sweep.report.document import (
+    Badge,
+    Cell,
+    Document,
+    Figures,
+    Section,
+    Sentence,
+    Table,
+    Tone,
+    items,
+    some,
+)
+from rover_sweep.report.wording import count, sentence, unit, versions, versions_words
 
 # The response of the speed to the throttle as plain data, for speed.json.
 
@@ -207,67 +210,7 @@ def throttle_run_table(result: SpeedResult) -> Table:
     return Table("Throttle sweeps", headings, tuple(rows), text_columns=4)
 
 
-# The response of the speed to the throttle in a few lines.
-
-
-def speed_answer(result: SpeedResult) -> Iterator[str]:
-    """The answer, line by line: verdict, numbers with 90 % intervals, drag, and what to do next."""
-    low, mean, high = result.speeds
-    many = f"{len(result.runs)} throttle sweeps" if len(result.runs) > 1 else "1 throttle sweep"
-    yield f"Speed from {many}, {low:.2f} to {high:.2f} m/s: {result.level}."
-    for reason in result.reasons:
-        yield f"  because {reason}"
-    if result.fit is None:
-        return
-    m, ends, travel = result.fit.model, result.fit.intervals, abs(result.runs[0].travel_us)
-    band = result.coherence.band if result.coherence else None
-    yield (
-        f"  gain   {m.gain:.3g} m/s per full throttle {_ends(ends['gain'])}, "
-        f"{1000 * m.gain / travel:.3g} mm/s per us"
-    )
-    yield f"  lag    {m.lag:.3g} s {_ends(ends['lag'])}"
-    delay = [1000 * end for end in ends["delay"]]
-    yield f"  delay  {1000 * m.delay:.0f} ms ({delay[0]:.0f} to {delay[1]:.0f}), with the EKF's"
-    offset = [100 * end for end in ends["offset"]]
-    yield (
-        f"  offset {100 * m.offset:.1f} % throttle ({offset[0]:.1f} to {offset[1]:.1f}) before it moves: "
-        "dead zone and drag"
-    )
-    yield from _drag(result)
-    explained = f"explains {100 * result.fit.fit:.0f} % of the speed's variation"
-    coherent = f"; coherent from {band[0]:.2g} to {band[1]:.2g} rad/s" if band else ""
-    yield f"  the law {explained}{coherent}. Intervals: 90 %."
-
-
-def _drag(result: SpeedResult) -> Iterator[str]:
-    assert result.fit is not None
-    found, mean = result.coasting, result.speeds[1]
-    driving, ends = driving_drag(result.fit, mean)
-    yield (
-        f"  drag   of drive and road {driving:.2f} m/s2 ({ends[0]:.2f} to {ends[1]:.2f}) at {mean:.2f} m/s, "
-        "while it drives"
-    )
-    if found is None:
-        yield "         coasting not recorded: let the rover roll out with the throttle at neutral"
-        return
-    low, high = found.interval
-    yield (
-        f"         coasting {found.deceleration:.2f} m/s2 ({low:.2f} to {high:.2f}) at {found.speed:.2f} "
-        f"m/s, over {found.seconds:.1f} s"
-    )
-    if found.dead_zone is None or found.dead_zone_interval is None:
-        yield "         the motor freewheels at neutral, so dead zone and drag cannot be told apart"
-        return
-    low, high = found.dead_zone_interval
-    zone = max(100 * found.dead_zone, 0.0)
-    yield f"  dead zone {zone:.1f} % throttle ({100 * max(low, 0.0):.1f} to {100 * max(high, 0.0):.1f})"
-
-
-def _ends(ends: tuple[float, float]) -> str:
-    return f"({ends[0]:.3g} to {ends[1]:.3g})"
-
-
-TONES = {"good": "good", "acceptable": "warn", "poor": "bad", "none": "bad"}
+TONES: dict[str, Tone] = {"good": "good", "acceptable": "warn", "poor": "bad", "none": "bad"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -282,27 +225,45 @@ class SpeedFindings:
     steering: bool = False
 
 
-def speed_page(found: SpeedFindings) -> str:
-    """The whole page."""
+LAW = (
+    "Law: T dv/dt = K (u(t − delay) − offset) − v, with lag T, gain K, throttle u (share of full) and speed "
+    "v. Intervals are 90 %, with noise that is correlated in time; they do not include errors of the law "
+    "itself."
+)
+TRY = (
+    "Write them to a file: rover-sweep gains FOLDER --out speed.param. Try it with the wheels off the ground "
+    "first, then at low speed with room ahead."
+)
+
+
+def speed_report(found: SpeedFindings) -> Document:
+    """The throttle sweeps as a document."""
     result, proposal = found.result, found.proposal
-    return (
-        environment("report/speed")
-        .get_template("speed.html.j2")
-        .render(
-            result=result,
-            tone=TONES[result.level],
-            proposal=proposal,
-            answer=_answer(found),
-            reasons=[sentence(words) for words in result.reasons],
-            law=speed_parameter_table(result),
-            settings=speed_gains_table(proposal, found.limits, found.current),
-            margins=speed_margin_table(proposal),
-            remarks=[sentence(words) for words in _remarks(proposal)],
-            runs=throttle_run_table(result),
-            steering=found.steering,
-            versions=versions(),
-            pictures=by_section([shown_chart(plan) for plan in _plans(found)]),
-        )
+    low, _, high = result.speeds
+    runs, made = count(len(result.runs), "throttle sweep"), versions()
+    return Document(
+        "Speed and throttle",
+        f"{runs}, {low:.2f} to {high:.2f} m/s; rover-sweep {made['rover_sweep']}",
+        some(
+            Sentence(_answer(found), "strong", badge=Badge(result.level, TONES[result.level])),
+            *items([sentence(words) for words in result.reasons]),
+            speed_parameter_table(result),
+            speed_gains_table(proposal, found.limits, found.current),
+            Sentence(TRY if proposal.proposed else "", level="page"),
+        ),
+        (
+            Section(
+                "Margins and predicted step of the speed",
+                some(speed_margin_table(proposal), Figures(_step(proposal))) if _step(proposal) else (),
+                "step",
+                level="page",
+            ),
+            Section("", tuple(Sentence(sentence(words), "muted") for words in _remarks(proposal))),
+            Section("Recordings", (Figures(_runs(result)), throttle_run_table(result)), "runs", level="page"),
+            Section("Frequency response", some(Figures(_response(result))), "response", level="page"),
+        ),
+        (("report.html", "Steering"),) if found.steering else (),
+        (Sentence(LAW, "muted"), Sentence(versions_words(made), "muted")),
     )
 
 
@@ -331,17 +292,26 @@ def _remarks(proposal: SpeedProposal) -> Iterator[str]:
         yield f"assumed at the firmware's defaults: {', '.join(proposal.loop.assumed)}"
 
 
-def _plans(found: SpeedFindings) -> Iterator[ChartPlan]:
-    result, fit = found.result, found.result.fit
-    for k, run in enumerate(result.runs):
-        words = "Throttle and speed, measured and simulated by the law. Grey: not part of the fit."
-        yield ChartPlan(f"throttle-{run.name}", "runs", words, partial(throttle_run_chart, run, fit, k))
-    if fit is not None and (coherent := result.coherence) is not None:
-        words = (
-            "Response of the speed to the throttle, measured (Welch's averages) and of the law. Grey: "
-            "coherence below 0.6."
-        )
-        yield ChartPlan("speed-response", "response", words, partial(throttle_response_chart, coherent, fit))
-    if found.proposal.now is not None and found.proposal.proposed is not None:
-        words = "Predicted by simulation of the firmware's speed loop around the law, with all its limits."
-        yield ChartPlan("speed-step", "step", words, partial(speed_step_chart, found.proposal))
+def _runs(result: SpeedResult) -> tuple[ChartPlan, ...]:
+    words = "Throttle and speed, measured and simulated by the law. Grey: not part of the fit."
+    return tuple(
+        ChartPlan(f"throttle-{run.name}", words, partial(throttle_run_chart, run, result.fit, k))
+        for k, run in enumerate(result.runs)
+    )
+
+
+def _response(result: SpeedResult) -> tuple[ChartPlan, ...]:
+    if result.fit is None or result.coherence is None:
+        return ()
+    words = (
+        "Response of the speed to the throttle, measured (Welch's averages) and of the law. Grey: coherence "
+    )
+    draw = partial(throttle_response_chart, result.coherence, result.fit)
+    return (ChartPlan("speed-response", f"{words}below 0.6.", draw),)
+
+
+def _step(proposal: SpeedProposal) -> tuple[ChartPlan, ...]:
+    if proposal.now is None or proposal.proposed is None:
+        return ()
+    words = "Predicted by simulation of the firmware's speed loop around the law, with all its limits."
+    return (ChartPlan("speed-step", words, partial(speed_step_chart, proposal)),)

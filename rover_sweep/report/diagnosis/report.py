@@ -1,0 +1,451 @@
+"""The report of a diagnosis: its document, its charts, and its folder; and the document of a plan."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from rover_sweep.data.recording import Recording, grouped_warnings
+from rover_sweep.data.results import number
+from rover_sweep.diagnosis.plans.planner import NAMES, DetectableSize, Plan, PlannedRun, SimilarPair
+from rover_sweep.diagnosis.result import Diagnosis, Finding, LawCurve, TimeHistory, Unknown
+from rover_sweep.diagnosis.verdict import importance_words
+from rover_sweep.files.replaced import remove_file, write_file
+from rover_sweep.report.charts.chart import ChartPlan
+from rover_sweep.report.charts.diagnosis_charts import curves_chart, drawable, mismatch_chart, overlay_chart
+from rover_sweep.report.diagnosis.diagnosis_json import DiagnosisOrigin, diagnosis_document
+from rover_sweep.report.diagnosis.tables import (
+    bound_table,
+    certainty_words,
+    cost_table,
+    evidence_words,
+    falsified_table,
+    finding_title,
+    held_out_lines,
+    held_out_table,
+    law_words,
+    look_alike_words,
+    mismatch_table,
+    next_words,
+    score_table,
+    unseen_table,
+    value_table,
+)
+from rover_sweep.report.document import (
+    Badge,
+    Cell,
+    Document,
+    Figures,
+    Level,
+    Part,
+    Section,
+    Sentence,
+    Table,
+    Tone,
+    items,
+    made_words,
+    small_print,
+    some,
+)
+from rover_sweep.report.identification.identification_json import AXES
+from rover_sweep.report.in_html import Progress, in_html, made_charts
+from rover_sweep.report.wording import channel, count, hiding_words, plain, sentence, strict_json, unit
+
+WITHOUT_EFFECT = "The whole model, compared with it without this effect"
+TONES: dict[str, Tone] = {
+    "none": "good",
+    "explained": "good",
+    "partly explained": "warn",
+    "unexplained": "warn",
+    "refused": "bad",
+}
+ZOOM = (
+    "Drag to zoom, double-click for the whole range, Ctrl and wheel to zoom at the cursor; on a phone: pinch "
+    "and drag."
+)
+NOT_HELD_OUT = (
+    "No run was held out, so the improvement is not verified: drive a doublet or one more sweep, and give it "
+    "with --hold-out."
+)
+ABSORBED = "No residual clearly exceeds the noise floor: the nominal parameters absorb the missing effects."
+SIZES_OF_PLACES = (
+    "Sizes are the residual divided by the noise of the recordings; 1 is the noise floor. Shaded: the band "
+    "of the sentence."
+)
+UNNAMED = {
+    "none": "None that these runs can detect.",
+    "refused": "The data were refused.",
+    "unexplained": "None of the candidates explains it.",
+}
+MEASURES = (
+    "J is the misfit of a frequency response in dB and deg (up to 100 is acceptable), J_rms the rms error "
+    "of a prediction in deg/s and ft/s² (1 ft/s² is 0.305 m/s²), TIC its error relative to the motion, 0 "
+    f"(perfect) to 1. Axes are {AXES}. In J, 1 dB counts as much as 7.57 deg. Intervals are 90 %."
+)
+
+
+def diagnosis_report(found: Diagnosis, origin: DiagnosisOrigin | None = None) -> Document:
+    """A diagnosis as a document; without its origin for a terminal."""
+    made = origin or DiagnosisOrigin()
+    rover = made.provenance.vehicle.name if made.provenance.vehicle else ""
+    checked = f", checked on held-out {', '.join(found.held_out_runs)}" if found.held_out_runs else ""
+    runs = count(len(found.runs), "run")
+    return Document(
+        f"{rover or 'Rover'}: effects that the model leaves out",
+        f"The {found.baseline} model against {runs}{checked}, {made_words(made.provenance)}",
+        _answer(found),
+        (
+            _held_out(found),
+            _places(found),
+            _findings(found),
+            Section("The rover as curves", _curves(found), "curves"),
+            _unknown(found.unknown, found.sentence),
+            Section("What could still hide in these runs", some(bound_table(found)), "bounds", level="page"),
+            _candidates(found),
+            _origin(found, made),
+        ),
+    )
+
+
+def _answer(found: Diagnosis) -> tuple[Part, ...]:
+    hiding = hiding_words(found.cannot_see)
+    alike = (
+        " ".join(filter(None, (f"{finding_title(f)}.", look_alike_words(f), sentence(next_words(f)))))
+        for f in found.findings
+        if f.look_alikes or f.next_run
+    )
+    unknown = sentence(found.unknown.sentence) if found.unknown else ""
+    return some(
+        Sentence(sentence(found.sentence), "strong", badge=Badge(found.verdict, TONES[found.verdict])),
+        *(Sentence(words, level="page") for words in (*alike, unknown)),
+        Sentence(f"Could still hide (95 %): {hiding}." if hiding else ""),
+    )
+
+
+def _held_out(found: Diagnosis) -> Section:
+    tables: tuple[Part, ...] = ()
+    if found.held_out:
+        tables = some(held_out_table(found.held_out, "On held-out runs"), cost_table(found.held_out))
+    missing = "" if found.held_out_runs or found.verdict == "refused" else NOT_HELD_OUT
+    figures = Figures(_runs(found, held_out=True))
+    hint = Sentence(ZOOM if figures.charts else "", "muted", level="page")
+    beside = Section("", tables, beside=True)
+    return Section(
+        "Before and after, on held-out runs",
+        some(hint, beside, Sentence(missing, "warn", level="page"), figures),
+        "held-out",
+    )
+
+
+def _places(found: Diagnosis) -> Section:
+    heading = "Where simulation and recording differ"
+    if not found.mismatch:
+        refused = found.verdict == "refused"
+        none = Sentence(
+            "Nothing was compared." if refused else "No residual exceeds the noise floor.", level="page"
+        )
+        return Section(heading, (Sentence(ABSORBED) if found.findings else none,), "where")
+    charts, words = [], []
+    for k, m in enumerate(found.mismatch):
+        if drawable(m, found.overlays):
+            draw = partial(mismatch_chart, m, found.overlays)
+            charts.append(ChartPlan(f"mismatch-{k}", sentence(m.sentence), draw, interactive=False))
+        else:
+            words.append(Sentence(sentence(m.sentence), level="page"))
+    return Section(
+        heading,
+        some(
+            Sentence(SIZES_OF_PLACES, "muted", level="page"),
+            Figures(tuple(charts), small=True),
+            *words,
+            mismatch_table(found),
+        ),
+        "where",
+    )
+
+
+def _findings(found: Diagnosis) -> Section:
+    none = "" if found.findings else UNNAMED.get(found.verdict, "No effect was named.")
+    return Section(
+        "Missing effects",
+        some(Sentence(none, level="page"), *map(_finding, found.findings), falsified_table(found)),
+        "findings",
+    )
+
+
+def _finding(f: Finding) -> Section:
+    said = " ".join(filter(None, (sentence(f.sentence), importance_words(f), sentence(f.turn))))
+    held = held_out_table(f.held_out, WITHOUT_EFFECT, note=False) if f.held_out else None
+    return Section(
+        finding_title(f),
+        some(
+            Sentence(said),
+            Sentence(f.equation, code=True, level="page"),
+            value_table(f.parameters, "Parameters"),
+            Sentence(look_alike_words(f)),
+            Sentence(sentence(next_words(f))),
+            Section("", some(held), level="page"),
+            Sentence(f"{evidence_words(f)} {certainty_words(f)}".strip(), "muted"),
+        ),
+        badges=(Badge(f.effect, "muted"),),
+    )
+
+
+def _unknown(u: Unknown | None, headline: str) -> Section:
+    """The unexplained part; on a terminal without what the headline says already."""
+    if u is None:
+        return Section("Part that no candidate explains", (), "unknown")
+    clauses = "; ".join(clause for clause in u.sentence.split("; ") if clause not in headline)
+    rows = (
+        ("where", channel(u.channel)),
+        ("size", f"{number(u.residual_over_noise, 2)} × the noise"),
+        ("depends on", u.depends_on),
+    )
+    table = Table(
+        "Part that no candidate explains", ("", ""), tuple((Cell(a), Cell(b)) for a, b in rows), "", 2
+    )
+    law = sentence(law_words(u))
+    kind = (
+        "Chosen by their evidence and fitted in the model" if u.curves else "Fitted to what the model leaves"
+    )
+    charts = (ChartPlan("unknown-law", LAW, partial(curves_chart, u.curves)),) if u.curves else ()
+    return Section(
+        "Part that no candidate explains",
+        some(
+            Sentence(sentence(u.sentence), level="page"),
+            table,
+            Sentence(sentence(clauses), level="terminal"),
+            Sentence(law, code=True),
+            Sentence(f"{kind}; a description, not a physical law." if law else "", "muted", level="page"),
+            Figures(charts),
+            *(Sentence(sentence(line)) for line in held_out_lines(u)),
+        ),
+        "unknown",
+    )
+
+
+def _candidates(found: Diagnosis) -> Section:
+    scores = score_table(found)
+    none = "" if scores else "No candidate was scored."
+    parameters = value_table(found.parameters, "The model, refitted with the effects")
+    fitted = Figures(_runs(found, held_out=False))
+    return Section(
+        "Candidates and model",
+        some(
+            Sentence(none, level="page"),
+            Section("All candidates", some(scores), folded="closed", level="page"),
+            Section("The model with the findings", some(parameters), folded="closed", level="page"),
+            Section("Effects that these runs cannot detect", some(unseen_table(found)), "unseen", "closed"),
+            Section("Runs used in the fit", some(fitted), "fitted", "closed", level="page"),
+        ),
+        "candidates",
+    )
+
+
+def _origin(found: Diagnosis, origin: DiagnosisOrigin) -> Section:
+    warnings = grouped_warnings(run for _, run in origin.recordings)
+    return Section(
+        "Remarks and origin",
+        some(
+            *items([sentence(remark) for remark in found.remarks], "muted"),
+            *items([sentence(words) for words in warnings], "muted", "page"),
+            _used(origin.recordings),
+            Sentence(MEASURES, level="page"),
+            Sentence(f"{found.seconds:.1f} s.", "muted", level="page"),
+            *(replace(words, level="page") for words in small_print(origin.provenance)),
+        ),
+        "origin",
+    )
+
+
+def _used(recordings: Sequence[tuple[str, Recording]]) -> Table:
+    rows = tuple(
+        (
+            Cell(run.name),
+            Cell(role),
+            Cell(run.kind),
+            Cell("; ".join(f"{file}, sha256 {digest}" for file, digest in run.sources)),
+            Cell(f"{run.span[1] - run.span[0]:.1f}"),
+        )
+        for role, run in recordings
+    )
+    headings = ("run", "used as", "kind", "file", "s")
+    return Table("Recordings", headings, rows, text_columns=4, level="page")
+
+
+# The pictures of a diagnosis and their captions.
+
+
+OVERLAY = (
+    "Time history with the residual (measured minus simulated), a close-up, and the spectrum of the residual "
+    "divided by the noise floor. Dashed: twice the noise."
+)
+CURVES = (
+    "The rover's laws at rest, with their 90 % bands, over the range that the runs visited. Dashed: the "
+    "linear law, of a tyre its tangent at 0."
+)
+LAW = (
+    "The laws that were fitted in the model for the part without a name, with their 90 % bands. A constant "
+    "cannot be separated from trim and biases, so a curve is relative to its value at 0 or to its mean. Of a "
+    "resonance the gain is drawn."
+)
+
+
+BENT = 0.05  # share of a curve's height from which a terminal draws its bend
+
+
+def _runs(found: Diagnosis, held_out: bool) -> tuple[ChartPlan, ...]:
+    """The runs measured and simulated."""
+    by_run: dict[str, list[TimeHistory]] = {}
+    for o in found.overlays:
+        if o.t.size > 1 and o.held_out == held_out:
+            by_run.setdefault(o.run, []).append(o)
+    role, name = ("held out", "held-out") if held_out else ("used in the fit", "fitted")
+    return tuple(
+        ChartPlan(
+            f"{name}-{k}",
+            f"{run}, {role}. {OVERLAY}",
+            partial(overlay_chart, tuple(channels), bool(found.findings)),
+        )
+        for k, (run, channels) in enumerate(by_run.items())
+    )
+
+
+def _curves(found: Diagnosis) -> tuple[Part, ...]:
+    def figures(curves: Sequence[LawCurve], level: Level) -> Figures:
+        plan = ChartPlan("curves", CURVES, partial(curves_chart, curves))
+        return Figures((plan,) if curves else (), level=level)
+
+    bent = [curve for curve in found.curves if curve.bend >= BENT]
+    return some(figures(found.curves, "page"), figures(bent, "terminal"))
+
+
+# Folder of a diagnosis: diagnosis.html, diagnosis.json, and variant.toml for the simulated rover.
+
+
+@dataclass(frozen=True)
+class DiagnosisFiles:
+    """Paths of the written files."""
+
+    document: Path
+    page: Path
+    variant: Path | None = None
+    """The model as a simulated rover; None if the data were refused, or for a lumped model."""
+
+
+def write_diagnosis(
+    found: Diagnosis, directory: Path, origin: DiagnosisOrigin, progress: Progress | None = None
+) -> DiagnosisFiles:
+    """Write all files, diagnosis.json last: a folder with diagnosis.json is complete and of one diagnosis.
+
+    All content is computed before the first file is changed. progress is called with the share done, 0..1,
+    and the current step. UsageError if the directory is not writable.
+    """
+    from rover_sweep.report.export.plant_variant import variant_text
+
+    document = strict_json(diagnosis_document(found, origin))
+    shown = diagnosis_report(found, origin)
+    page = in_html(shown, made_charts(shown, progress))
+    text = variant_text(found.model) if found.model and not found.model.lumped else None
+    for name in ("diagnosis.json", "variant.toml"):
+        remove_file(directory / name)
+    html = write_file(directory / "diagnosis.html", page)
+    variant = write_file(directory / "variant.toml", text) if text else None
+    return DiagnosisFiles(write_file(directory / "diagnosis.json", document), html, variant)
+
+
+# A plan as tables and as JSON.
+
+
+FORMAT_VERSION = 2
+SIZES = (
+    "detectable: size from which a diagnosis is expected to name the effect with 80 %. "
+    "matters: smaller is normal tolerance."
+)
+
+
+def plan_document(plan: Plan) -> dict[str, Any]:
+    """The plan in plain JSON types; units in the keys or in "units"."""
+    return plain(
+        {
+            "format": "rover-sweep plan",
+            "format_version": FORMAT_VERSION,
+            "sentences": plan.sentences,
+            "runs": [asdict(run) for run in plan.runs],
+            "detectable": {effect: asdict(size) for effect, size in plan.detectable.items()},
+            "not_told_apart": [asdict(pair) for pair in plan.look_alikes],
+            "cannot_see": [{"effect": u.effect, "why": u.why} for u in plan.cannot_see],
+            "proposal": [asdict(run) for run in plan.proposal],
+            "settles": plan.settles,
+            "notes": plan.notes,
+            "not_told_apart_with_the_proposal": [asdict(pair) for pair in plan.proposed_look_alikes],
+            "units": "amplitude_us, bias_us: us; speed: m/s, 0 on blocks; heading: deg clockwise from north",
+        }
+    )
+
+
+def plan_report(plan: Plan) -> Document:
+    """Sentences, runs, detectable sizes, limits and proposed runs."""
+    first, *rest = plan.sentences or ("",)
+    unseen = tuple((Cell(u.effect), Cell(u.why)) for u in plan.cannot_see)
+    added = "Additional runs to drive" if plan.runs else "Runs to drive"
+    return Document(
+        "Plan",
+        "",
+        some(Sentence(sentence(first), "strong"), *(Sentence(sentence(text)) for text in rest)),
+        (
+            Section(
+                "",
+                some(
+                    run_table(plan.runs, "These runs"),
+                    size_table(plan),
+                    pair_table(plan.look_alikes, "Effects that these runs cannot separate"),
+                    Table("Effects that these runs cannot detect", ("effect", "why"), unseen, text_columns=2),
+                    run_table(plan.proposal, added),
+                    *(Sentence(sentence(text)) for text in plan.settles if plan.proposal),
+                    pair_table(plan.proposed_look_alikes, "Effects still not separated with them"),
+                    *(Sentence(sentence(text)) for text in plan.notes),
+                ),
+            ),
+        ),
+    )
+
+
+def run_table(runs: Sequence[PlannedRun], heading: str) -> Table:
+    """Kind, amplitude, speed, heading and number of each run."""
+    rows = tuple(_run(run) for run in runs)
+    return Table(heading, ("", "amplitude, us", "speed, m/s", "heading, deg", "times"), rows)
+
+
+def _run(run: PlannedRun) -> tuple[Cell, ...]:
+    kind = NAMES[run.kind] + (f", {run.name}" if run.name else "")
+    amplitude = f"{run.amplitude_us:g}" + (f" about {run.bias_us:+g}" if run.bias_us else "")
+    speed = f"{run.speed:g}" if run.speed else "0"
+    heading = "any" if run.heading is None else f"{run.heading:.0f}"
+    return Cell(kind), Cell(amplitude), Cell(speed), Cell(heading), Cell(str(run.repeat))
+
+
+def size_table(plan: Plan) -> Table:
+    """Detectable size of each effect, in the plan's order; marked where it exceeds the size that matters."""
+    rows = tuple(_size(effect, size) for effect, size in plan.detectable.items())
+    return Table("Detectable sizes", ("effect", "", "detectable", "matters", "unit"), rows, SIZES, 2)
+
+
+def _size(effect: str, size: DetectableSize) -> tuple[Cell, ...]:
+    too_large = size.size is None or (size.material is not None and size.size > size.material)
+    return (
+        Cell(effect),
+        Cell(size.parameter),
+        Cell(number(size.size, 2), "warn" if too_large else ""),
+        Cell(number(size.material, 2)),
+        Cell(unit(size.unit)),
+    )
+
+
+def pair_table(pairs: Sequence[SimilarPair], heading: str) -> Table:
+    """Pairs of effects with the expected probability of the second where the first is true."""
+    rows = tuple((Cell(p.first), Cell(p.second), Cell(f"{100 * p.probability:.0f} %")) for p in pairs)
+    return Table(heading, ("true", "explains it as well", "probability"), rows, text_columns=2)

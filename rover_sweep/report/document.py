@@ -1,0 +1,166 @@
+"""A result as a document: one value, of which terminal, page and notebook show what their room allows.
+
+Each result has one function that builds its document; `on_terminal` and `in_html` are the renderers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Literal, TypeVar
+
+from rover_sweep.report.charts.chart import ChartPlan
+from rover_sweep.report.wording import Provenance, versions_words
+
+Tone = Literal["", "good", "warn", "bad", "muted", "strong"]
+Level = Literal["brief", "full", "page", "terminal"]
+"""brief: everywhere. full: on the page, and on a terminal where everything was asked for. page, terminal:
+only there."""
+
+
+@dataclass(frozen=True)
+class Badge:
+    """A word of judgement, such as a verdict."""
+
+    text: str
+    tone: Tone = ""
+
+
+@dataclass(frozen=True)
+class Sentence:
+    """One or more sentences. item: of a list; code: a formula, a command or a hash; badge: beside it."""
+
+    text: str
+    tone: Tone = ""
+    item: bool = False
+    code: bool = False
+    badge: Badge | None = None
+    level: Level = "brief"
+
+
+@dataclass(frozen=True)
+class Cell:
+    """A text and its tone: good, warn (outside a guideline), bad (rejected), muted (fixed)."""
+
+    text: str
+    tone: Tone = ""
+    link: str = ""
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table. text_columns: number of left columns with words; the others have numbers."""
+
+    title: str
+    headings: tuple[str, ...]
+    rows: tuple[tuple[Cell, ...], ...]
+    note: str = ""
+    text_columns: int = 1
+    level: Level = "brief"
+
+
+@dataclass(frozen=True)
+class Terms:
+    """What terms mean: (term, meaning)."""
+
+    rows: tuple[tuple[str, str], ...]
+    level: Level = "page"
+
+
+@dataclass(frozen=True)
+class Figures:
+    """Charts, made when the document is shown. small: beside each other."""
+
+    charts: tuple[ChartPlan, ...]
+    small: bool = False
+    level: Level = "page"
+
+
+@dataclass(frozen=True)
+class Section:
+    """Parts below a heading; without any it is not shown. anchor: its address on the page, "" for none.
+
+    folded: on the page only the heading is seen at first ("closed"). beside: tables beside each other.
+    """
+
+    heading: str
+    parts: tuple[Part, ...]
+    anchor: str = ""
+    folded: Literal["", "closed", "open"] = ""
+    badges: tuple[Badge, ...] = ()
+    beside: bool = False
+    level: Level = "brief"
+
+
+Part = Sentence | Table | Terms | Figures | Section
+P = TypeVar("P", bound=Part)
+
+
+@dataclass(frozen=True)
+class Document:
+    """A result. answer: what comes first; links: (address, words) of other pages; foot: small print."""
+
+    title: str
+    subtitle: str
+    answer: tuple[Part, ...]
+    sections: tuple[Section, ...] = ()
+    links: tuple[tuple[str, str], ...] = ()
+    foot: tuple[Part, ...] = ()
+
+
+def some(*parts: Part | None) -> tuple[Part, ...]:
+    """The parts that are there, without tables, figures and sections that hold nothing."""
+    return tuple(part for part in parts if part is not None and not _empty(part))
+
+
+def _empty(part: Part) -> bool:
+    match part:
+        case Sentence():
+            return not part.text
+        case Table() | Terms():
+            return not part.rows
+        case Figures():
+            return not part.charts
+        case Section():
+            return not part.parts
+
+
+def items(texts: Sequence[str], tone: Tone = "", level: Level = "brief") -> tuple[Sentence, ...]:
+    """A list of sentences."""
+    return tuple(Sentence(text, tone, item=True, level=level) for text in texts if text)
+
+
+def shown(parts: Sequence[P], levels: Sequence[Level]) -> Iterator[P]:
+    """The parts of these levels; a section without any of them is left out."""
+    for part in parts:
+        if part.level not in levels:
+            continue
+        if not isinstance(part, Section) or any(True for _ in shown(part.parts, levels)):
+            yield part
+
+
+def charts_of(parts: Sequence[Part]) -> Iterator[ChartPlan]:
+    """All charts that a page shows, in its order."""
+    for part in shown(parts, ("brief", "full", "page")):
+        if isinstance(part, Figures):
+            yield from part.charts
+        elif isinstance(part, Section):
+            yield from charts_of(part.parts)
+
+
+# What the documents of several results say.
+
+
+def made_words(provenance: Provenance) -> str:
+    """When a report was made, and by which version."""
+    made = provenance.made
+    when = f"{made[:16].replace('T', ' ')}{' UTC' if made.endswith('+00:00') else ''}, " if made else ""
+    return f"{when}rover-sweep {provenance.versions['rover_sweep']}"
+
+
+def small_print(provenance: Provenance) -> tuple[Sentence, ...]:
+    """Versions, vehicle file and command, for the end of a page."""
+    source = provenance.vehicle_source
+    file = f"{source[0]}: sha256 {source[1]}" if source else ""
+    codes = [Sentence(words, "muted", code=True) for words in (file, provenance.command) if words]
+    return Sentence(versions_words(provenance.versions), "muted"), *codes
