@@ -2,7 +2,7 @@
 
     python -m tests.benchmarks.investigate_effects [--effect ID]... [--embedded] [--smaller K] [--out FILE]
 
-Conceals each effect at three times its size of tests/concealed/sizes.toml, investigates without asking, and
+Conceals each effect at three times its visible size, investigates without asking, and
 prints the answer, the number of runs, and whether it is settled: the verdict is explained, it names exactly
 this effect, and no look-alike is left. At the end: what the chosen runs were expected to tell and what they
 told, in bits, with the correlation. The runs are those of the plant with the applet's wave, in this process;
@@ -48,7 +48,7 @@ EFFECTS: Mapping[str, Mapping[str, float | str]] = {
     "front_rear_stiffness": {"ratio": 1.82},
     "imu_offset": {"x": 0.096, "z": 0.096},
 }
-"""Three times the sizes of tests/concealed/sizes.toml."""
+"""Three times the visible sizes."""
 LINEAR = {"friction": 4.0, "servo_rate_limit": 40.0}  # of the plant, so that only one effect is concealed
 FIRMWARE = Firmware(100, 20.0, 20.0)
 
