@@ -41,6 +41,7 @@ from rover_sweep.report.identification.report import shown_models
 from rover_sweep.spectra.response import FrequencyResponse
 
 COLUMN, ROW = 5.5, 0.0135  # in of a column, and of a px of a panel's height
+LONG = 16  # characters from which the label of a panel takes two lines
 STYLE: dict[Any, Any] = {
     "font.size": 10,
     "axes.titlesize": 10.5,
@@ -130,7 +131,8 @@ def _draw(axes: Axes, stack: Stack, panel: Panel) -> None:
         )
     axes.set_xlim(*stack.span)
     axes.set_ylim(*shown_limits(panel))
-    axes.set_ylabel(_literal(panel.label.replace(", ", "\n", 1)))
+    label = panel.label if len(panel.label) < LONG else panel.label.replace(", ", "\n", 1)
+    axes.set_ylabel(_literal(label))
 
 
 def _literal(text: str) -> str:

@@ -49,14 +49,20 @@ class Cell:
 
 @dataclass(frozen=True)
 class Table:
-    """A table. text_columns: number of left columns with words; the others have numbers."""
+    """A table. text_columns: number of left columns with words, or their places; the others have numbers."""
 
     title: str
     headings: tuple[str, ...]
     rows: tuple[tuple[Cell, ...], ...]
     note: str = ""
-    text_columns: int = 1
+    text_columns: int | tuple[int, ...] = 1
     level: Level = "brief"
+
+    @property
+    def words(self) -> tuple[bool, ...]:
+        """Whether each column has words."""
+        of = self.text_columns
+        return tuple(k in of if isinstance(of, tuple) else k < of for k in range(len(self.headings)))
 
 
 @dataclass(frozen=True)

@@ -47,8 +47,7 @@ def rich_table(table: Table, titled: bool = True) -> RenderableType:
     """A table with its title above and its note below."""
     headed = any(table.headings)
     made = RichTable(box=None, padding=(0, 2, 0, 0), header_style="dim", pad_edge=False, show_header=headed)
-    for k, heading in enumerate(table.headings):
-        words = k < table.text_columns
+    for k, (heading, words) in enumerate(zip(table.headings, table.words, strict=True)):
         made.add_column(heading, justify="left" if words else "right", no_wrap=not words or k == 0)
     for row in table.rows:
         made.add_row(*(Text(cell.text, STYLES[cell.tone]) for cell in row))

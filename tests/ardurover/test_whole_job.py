@@ -13,7 +13,7 @@ from conversation_file import read_conversation
 from firmware_jobs import Job, whole_job
 from transport_replayed import ReplayedLine
 
-from rover_sweep.cli.views.gains_table import truth
+from rover_sweep.cli.driving.simulated import truth
 from rover_sweep.session.session import drive
 from rover_sweep.vehicle.events import LogSaved, ParameterSet, Rebooting, RunFinished
 from sitl.plant.variant import load_variant

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from rover_sweep.cli.views.gains_table import truth
+from rover_sweep.cli.driving.simulated import truth
 from sitl.plant.effects.replaced_numbers import resolved
 from sitl.plant.variant import load_variant
 

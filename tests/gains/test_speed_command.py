@@ -25,7 +25,7 @@ def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
     out = tmp_path_factory.mktemp("speed")
     code, printed, said = called("identify", SWEEP, "--out", out)
     assert code == 0, said
-    assert printed.startswith("Speed from 1 throttle sweep, 1.54 to 3.01 m/s: good.")
+    assert printed.startswith("GOOD\nATC_SPEED_P")
     assert "dead zone" in printed and "coasting" in printed
     return out
 

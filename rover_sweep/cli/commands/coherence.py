@@ -15,6 +15,7 @@ from rover_sweep.cli.views.output import echo_json
 if TYPE_CHECKING:
     from rover_sweep.data.recording import Recording
     from rover_sweep.quality.verdict import CoherenceVerdict
+    from rover_sweep.report.document import Table
     from rover_sweep.spectra.amplitude import AmplitudeProposal
 
 
@@ -89,50 +90,41 @@ def show_coherence(verdict: CoherenceVerdict, warnings: Sequence[str] = ()) -> N
     from rich.text import Text
 
     from rover_sweep.cli.views.output import results
+    from rover_sweep.report.on_terminal import rich_table
 
     console = results()
     sentence = (verdict.sentence, "green" if verdict.keep else "yellow")
     console.print(Text.assemble((verdict.run, "bold"), ": ", sentence), soft_wrap=True)
     for warning in warnings:
         console.print(f"warning: {warning}", style="yellow", highlight=False, soft_wrap=True, markup=False)
-    headings = ("response", "usable band, rad/s", "range at >= 0.6", "lowest coherence")
+    if verdict.outputs:
+        console.print(rich_table(_band_table(verdict), titled=False))
+    if verdict.next.bands:
+        words = f"next amplitude: {verdict.next.sentence}"
+        console.print(words, highlight=False, soft_wrap=True, markup=False)
+        console.print(rich_table(_amplitude_table(verdict.amplitude_unit, verdict.next), titled=False))
+
+
+def _band_table(verdict: CoherenceVerdict) -> Table:
+    from rover_sweep.report.document import Cell, Table
+
     rows = []
     for o in verdict.outputs:
         band = f"{o.band[0]:.2g} - {o.band[1]:.3g}" if o.band else "none"
-        rows.append((o.output, band, f"{100 * o.covered:.0f} %", f"{o.lowest:.2f} at {o.lowest_at:.2g}"))
-    if rows:
-        console.print(_table(headings, rows))
-    if verdict.next.bands:
-        _show_amplitudes(verdict.amplitude_unit, verdict.next)
+        texts = (o.output, band, f"{100 * o.covered:.0f} %", f"{o.lowest:.2f} at {o.lowest_at:.2g}")
+        rows.append(tuple(map(Cell, texts)))
+    headings = ("response", "usable band, rad/s", "range at >= 0.6", "lowest coherence")
+    return Table("Responses", headings, tuple(rows))
 
 
-def _show_amplitudes(unit: str, proposal: AmplitudeProposal) -> None:
-    from rover_sweep.cli.views.output import results
+def _amplitude_table(unit: str, proposal: AmplitudeProposal) -> Table:
+    from rover_sweep.report.document import Cell, Table
 
-    console, form = results(), ".0f" if unit == "us" else ".2g"
-    console.print(f"next amplitude: {proposal.sentence}", highlight=False, soft_wrap=True, markup=False)
+    form = ".0f" if unit == "us" else ".2g"
+    rows = []
+    for b in proposal.bands:
+        amplitude = f"{'>= ' if b.drowned else ''}{b.amplitude:{form}}"
+        texts = (f"{b.low:.2g} - {b.high:.3g}", b.response, f"{b.coherence:.2f}", amplitude)
+        rows.append(tuple(map(Cell, (*texts, f"{b.reached:.2f}", b.cap))))
     headings = ("rad/s", "needed by", "coherence", f"amplitude, {unit}", "expected then", "limited by")
-    rows = [
-        (
-            f"{b.low:.2g} - {b.high:.3g}",
-            b.response,
-            f"{b.coherence:.2f}",
-            f"{'>= ' if b.drowned else ''}{b.amplitude:{form}}",
-            f"{b.reached:.2f}",
-            b.cap,
-        )
-        for b in proposal.bands
-    ]
-    console.print(_table(headings, rows))
-
-
-def _table(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> Any:
-    from rich.table import Table
-
-    table = Table(box=None, padding=(0, 2, 0, 0), pad_edge=False)
-    for heading in headings:
-        left = heading in ("response", "rad/s", "limited by")
-        table.add_column(heading, justify="left" if left else "right")
-    for row in rows:
-        table.add_row(*row)
-    return table
+    return Table("Next amplitude", headings, tuple(rows), text_columns=(0, 1, 5))

@@ -13,9 +13,8 @@ from rover_sweep.cli.views.asking import confirmed, reboot_consent
 from rover_sweep.errors import UsageError
 
 if TYPE_CHECKING:
-    from rich.console import RenderableType
-
     from firmware_params.param_files import WantedParameter
+    from rover_sweep.report.document import Table
     from rover_sweep.vehicle.link.connection import Access
     from rover_sweep.vehicle.setup import Survey, SurveyedParameter
 
@@ -112,10 +111,11 @@ def _show(found: Survey, whole: bool = True) -> None:
     from rich.text import Text
 
     from rover_sweep.cli.views.output import results
+    from rover_sweep.report.on_terminal import rich_table
 
     console = results()
     if rows := [p for p in found.parameters if whole or not p.fits]:
-        console.print(_table(rows))
+        console.print(rich_table(_table(rows), titled=False))
     console.print(Text(found.applet.sentence, "" if found.applet.fits else "yellow"))
     wrong = sum(not p.fits for p in found.parameters)
     if found.fits:
@@ -124,20 +124,16 @@ def _show(found: Survey, whole: bool = True) -> None:
         console.print(f"{wrong} of {len(found.parameters)} parameters do not match", style="yellow")
 
 
-def _table(rows: Sequence[SurveyedParameter]) -> RenderableType:
-    from rich.table import Table
-    from rich.text import Text
+def _table(found: Sequence[SurveyedParameter]) -> Table:
+    from rover_sweep.report.document import Cell, Table
 
-    table = Table(box=None, padding=(0, 2, 0, 0), pad_edge=False, header_style="dim")
-    for heading in ("parameter", "wanted", "found", "", "reboot", "why"):
-        right = heading in ("wanted", "found")
-        table.add_column(heading, justify="right" if right else "left", no_wrap=heading != "why")
-    for p in rows:
+    rows = []
+    for p in found:
         has = "-" if p.found is None else f"{p.found:.7g}"
-        bound = ">= " if p.wanted.at_least else ""
-        verdict = Text("fits") if p.fits else Text("differs" if p.found is not None else "missing", "yellow")
-        reboot = "yes" if p.wanted.needs_reboot else ""
-        table.add_row(
-            p.wanted.name, f"{bound}{p.wanted.value:.7g}", has, verdict, reboot, Text(p.wanted.reason)
-        )
-    return table
+        wanted = f"{'>= ' if p.wanted.at_least else ''}{p.wanted.value:.7g}"
+        missing = "missing" if p.found is None else "differs"
+        verdict = Cell("fits") if p.fits else Cell(missing, "warn")
+        others = map(Cell, ("yes" if p.wanted.needs_reboot else "", p.wanted.reason))
+        rows.append((Cell(p.wanted.name), Cell(wanted), Cell(has), verdict, *others))
+    headings = ("parameter", "wanted", "found", "", "reboot", "why")
+    return Table("Parameters", headings, tuple(rows), text_columns=(0, 3, 4, 5))

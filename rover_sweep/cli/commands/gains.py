@@ -91,12 +91,15 @@ def gains(
     if as_json:
         echo_json(json.dumps(both.document, indent=2))
     else:
-        from rover_sweep.cli.views.gains_table import show_gains, show_speed_gains
+        from rover_sweep.report.gains_report import gains_report
+        from rover_sweep.report.on_terminal import on_terminal
+        from rover_sweep.report.speed.report import speed_gains_report
 
+        console = results()
         if both.steering is not None:
-            show_gains(results(), both.steering, both.limits)
+            console.print(on_terminal(gains_report(both.steering, both.limits)))
         if both.speed is not None:
-            show_speed_gains(results(), both.speed)
+            console.print(on_terminal(speed_gains_report(both.speed)))
     if out is not None:
         narration().print(_write(both, Path(out), now), markup=False, soft_wrap=True)
 

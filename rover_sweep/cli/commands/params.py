@@ -17,10 +17,9 @@ from rover_sweep.cli.views.output import echo, echo_json
 from rover_sweep.errors import UsageError
 
 if TYPE_CHECKING:
-    from rich.console import RenderableType
-
     from firmware_params.param_files import Difference, WantedParameter
     from rover_sweep.manoeuvre.sweep import Manoeuvre
+    from rover_sweep.report.document import Table, Tone
     from rover_sweep.session.content import Content, DrivenRun
     from rover_sweep.vehicle.link.connection import Access
     from rover_sweep.vehicle.link.link import Link
@@ -167,31 +166,30 @@ def _document(d: Difference) -> dict[str, object]:
 
 
 def _show(found: Sequence[Difference], file: str, as_json: bool = False) -> None:
-    from rich.table import Table
-    from rich.text import Text
-
     from rover_sweep.cli.views.output import results
+    from rover_sweep.report.document import Cell, Table
+    from rover_sweep.report.on_terminal import rich_table
     from rover_sweep.vehicle.setup import needs_reboot
 
     console = results(as_json)
     if not found:
         console.print(f"all parameters of {file} are set on the rover", style="green", markup=False)
         return
-    table = Table(box=None, padding=(0, 2, 0, 0), pad_edge=False, header_style="dim")
-    for heading in ("parameter", "rover", "file", "reboot", "why"):
-        table.add_column(heading, justify="right" if heading in ("rover", "file") else "left")
+    rows = []
     for d in found:
         has = "-" if d.found is None else f"{d.found:.7g}"
         reboot = "yes" if needs_reboot(d.name, d.needs_reboot) else ""
-        table.add_row(d.name, has, f"{d.wanted:.7g}", reboot, Text(d.reason))
-    console.print(table)
+        rows.append(tuple(map(Cell, (d.name, has, f"{d.wanted:.7g}", reboot, d.reason))))
+    headings = ("parameter", "rover", "file", "reboot", "why")
+    table = Table("Parameters that differ", headings, tuple(rows), text_columns=(0, 3, 4))
+    console.print(rich_table(table, titled=False))
     console.print(f"{len(found)} differ", style="yellow")
 
 
 # `rover-sweep status`: the runs in a session's folder, and the runs that remain.
 
 
-_STATES = {"begun": "", "done": "green", "stopped": "yellow", "cut": "yellow"}
+_STATES: dict[str, Tone] = {"begun": "", "done": "good", "stopped": "warn", "cut": "warn"}
 
 
 @click.command()
@@ -205,6 +203,7 @@ def status(folder: Path, as_json: bool) -> None:
     Changes nothing; the session may be running.
     """
     from rover_sweep.cli.views.output import echo_json, results
+    from rover_sweep.report.on_terminal import rich_table
     from rover_sweep.session.content import to_json
     from rover_sweep.session.folder import is_session, read_folder
 
@@ -219,24 +218,22 @@ def status(folder: Path, as_json: bool) -> None:
     firmware = content.vehicle.get("firmware", "an unknown rover")
     console.print(f"{folder}: {firmware}, {len(content.runs)} runs, {len(content.logs)} logs", markup=False)
     if content.runs:
-        console.print(_table(content))
+        console.print(rich_table(_table(content), titled=False))
     left = ", ".join(f"{run.name} ({_describe(run.manoeuvre)})" for run in content.to_drive)
     remaining = f"still to drive: {left}" if left else "no runs remain"
     console.print(remaining, markup=False, soft_wrap=True)
 
 
-def _table(content: Content) -> RenderableType:
-    from rich.table import Table
-    from rich.text import Text
+def _table(content: Content) -> Table:
+    from rover_sweep.report.document import Cell, Table
 
-    table = Table(box=None, padding=(0, 2, 0, 0), pad_edge=False, header_style="dim")
-    for heading in ("run", "manoeuvre", "state", "log", "verdict"):
-        table.add_column(heading, no_wrap=heading != "verdict")
+    rows = []
     for run in content.runs:
         held = next((log.file for log in content.logs if run.label in log.runs), "-")
-        state = Text(run.state, _STATES[run.state])
-        table.add_row(Text(run.label), _describe(run.manoeuvre), state, Text(held), Text(_verdict(run)))
-    return table
+        state = Cell(run.state, _STATES[run.state])
+        others = map(Cell, (held, _verdict(run)))
+        rows.append((Cell(run.label), Cell(_describe(run.manoeuvre)), state, *others))
+    return Table("Runs", ("run", "manoeuvre", "state", "log", "verdict"), tuple(rows), text_columns=5)
 
 
 def _verdict(run: DrivenRun) -> str:

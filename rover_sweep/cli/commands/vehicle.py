@@ -62,30 +62,22 @@ def check(file: str, as_json: bool) -> None:
 
 
 def _show(found: Vehicle, file: str) -> None:
-    from rich.table import Table
+    from rover_sweep.report.document import Cell, Table
+    from rover_sweep.report.on_terminal import rich_table
 
-    console = results()
-    table = Table(
-        title=f"{file}: {found.name or 'no name'}", title_justify="left", box=None, padding=(0, 2, 0, 0)
-    )
-    for heading, justify in (
-        ("key", "left"),
-        ("value", "right"),
-        ("unit", "left"),
-        ("sd from", "left"),
-        ("meaning", "left"),
-    ):
-        table.add_column(heading, justify=justify, no_wrap=heading != "meaning")  # type: ignore[arg-type]
+    console, rows = results(), []
     for key, rule in KEYS.items():
         name = key.partition(".")[2]
         number = getattr(found, name)
         free = " [free]" if name in found.free else ""
         shown = "-" if number is None else str(number)
-        table.add_row(name, shown, rule.unit, _source(number), rule.meaning + free)
-    table.add_row("wheelbase", f"{found.wheelbase:g}", "m", "", "a + b")
+        rows.append((name, shown, rule.unit, _source(number), rule.meaning + free))
+    rows.append(("wheelbase", f"{found.wheelbase:g}", "m", "", "a + b"))
     for axis, number in zip(("forward", "right", "down"), found.imu_position or (None,) * 3, strict=True):
-        table.add_row(f"imu {axis}", str(number or "-"), "m", _source(number), f"IMU {axis} of the sprung CG")
-    console.print(table)
+        rows.append((f"imu {axis}", str(number or "-"), "m", _source(number), f"IMU {axis} of the sprung CG"))
+    title, headings = f"{file}: {found.name or 'no name'}", ("key", "value", "unit", "sd from", "meaning")
+    cells = tuple(tuple(map(Cell, row)) for row in rows)
+    console.print(rich_table(Table(title, headings, cells, text_columns=(0, 2, 3, 4))))
     console.print()
     for model in get_args(Model):
         missing = found.missing_for(model)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 
@@ -225,6 +225,25 @@ class SpeedFindings:
     steering: bool = False
 
 
+def speed_gains_report(proposal: SpeedProposal) -> Document:
+    """Current and proposed settings of the speed loop as a document."""
+    low, _, high = proposal.found.speeds
+    words = {
+        "gains": f"Speed loop for {low:.2f} to {high:.2f} m/s",
+        "cruise only": "Only CRUISE_SPEED and CRUISE_THROTTLE can be computed",
+        "none": "No speed gains can be computed from these throttle sweeps",
+    }
+    verdict = f"{words[proposal.level]} (identification: {proposal.found.level})."
+    settings = speed_gains_table(proposal, None, {})
+    tables = some(replace(settings, note="") if settings else None, speed_margin_table(proposal))
+    return Document(
+        "Gains of the speed",
+        "",
+        (Sentence(verdict, "strong"), *items([f"because {reason}" for reason in proposal.reasons])),
+        (Section("", (*tables, *items([f"note: {words}" for words in _notes(proposal)]))),),
+    )
+
+
 LAW = (
     "Law: T dv/dt = K (u(t − delay) − offset) − v, with lag T, gain K, throttle u (share of full) and speed "
     "v. Intervals are 90 %, with noise that is correlated in time; they do not include errors of the law "
@@ -287,6 +306,10 @@ def _answer(found: SpeedFindings) -> str:
 def _remarks(proposal: SpeedProposal) -> Iterator[str]:
     if proposal.level != "none":  # the reasons are then those of the identification
         yield from proposal.reasons
+    yield from _notes(proposal)
+
+
+def _notes(proposal: SpeedProposal) -> Iterator[str]:
     yield from proposal.remarks
     if proposal.now is not None and proposal.loop.assumed:
         yield f"assumed at the firmware's defaults: {', '.join(proposal.loop.assumed)}"

@@ -1,0 +1,139 @@
+"""The report of proposed gains of the steering: verdict, current and proposed values, margins, notes."""
+
+from __future__ import annotations
+
+import math
+
+from rover_sweep.gains.proposal import AssessedGains, Proposal, SteeringLimits
+from rover_sweep.report.document import Cell, Document, Section, Sentence, Table, items, some
+
+LARGE = 2.0  # factor of a gain from which the change is tried off the ground first
+
+
+def gains_report(proposal: Proposal, limits: SteeringLimits | None) -> Document:
+    """The gains and limits of the steering as a document."""
+    autopilot = proposal.autopilot
+    notes = [f"note: {remark}" for remark in proposal.support.remarks]
+    columns = proposal.now or proposal.proposed
+    if autopilot.assumed and columns:
+        notes.append(f"note: {autopilot.assumed_words} Give them with --now or --connect.")
+    return Document(
+        "Gains of the steering",
+        "",
+        (Sentence(_verdict(proposal), "strong"), *items([f"because {r}" for r in proposal.support.reasons])),
+        (
+            Section(
+                "",
+                some(
+                    gains_table(proposal, limits) if columns else None,
+                    Sentence(_origin(limits) if limits else ""),
+                    Sentence(_large_changes(proposal)),
+                    *items(notes),
+                ),
+            ),
+        ),
+    )
+
+
+def _verdict(proposal: Proposal) -> str:
+    at, (low, high) = f"for {proposal.speed:.2f} m/s", proposal.speed_range
+    words = {
+        "gains": f"Gains {at}, valid from {low:.2f} to {high:.2f} m/s",
+        "feed-forward only": f"Only the feed-forward gain can be computed {at}",
+        "none": f"No gains can be computed {at}",
+    }
+    return f"{words[proposal.support.level]} ({proposal.found.name} model, {proposal.found.level})."
+
+
+def gains_table(proposal: Proposal, limits: SteeringLimits | None) -> Table:
+    """Gains, limits, margins and the predicted step of the current and of the proposed parameters."""
+    unread = set(proposal.now.gains.parameters if proposal.now else ()) <= set(proposal.autopilot.assumed)
+    pairs = (("firmware default" if unread else "now", proposal.now), ("proposed", proposal.proposed))
+    columns = {
+        heading: _column(judged, _limits(proposal, limits, heading) if limits else {})
+        for heading, judged in pairs
+        if judged is not None
+    }
+    if "now" in columns:
+        for name in set(columns["now"]) & set(proposal.autopilot.assumed):
+            columns["now"][name] += " (firmware default)"
+    labels = next(iter(columns.values()))
+    rows = tuple((Cell(label), *(Cell(column[label]) for column in columns.values())) for label in labels)
+    return Table("Gains, margins and the predicted step", ("", *columns), rows, _footnote(proposal))
+
+
+def _limits(proposal: Proposal, limits: SteeringLimits, heading: str) -> dict[str, str]:
+    """The limits of the target; the proposed lateral acceleration only where it is in the file."""
+    autopilot = proposal.autopilot
+    rate, lateral = math.degrees(autopilot.rate_max), f"{autopilot.lateral_g_max:.2g}"
+    if heading == "proposed":
+        rate = limits.rate_max
+        lateral = lateral if limits.turn_g is None or limits.lowers else f"{limits.turn_g:.2g}"
+    return {"ATC_STR_RAT_MAX": f"{rate:.0f} deg/s", "ATC_TURN_MAX_G": f"{lateral} g"}
+
+
+def _origin(limits: SteeringLimits) -> str:
+    """What the limits come from."""
+    words = f"ATC_STR_RAT_MAX: 90 % of the {limits.reach:.0f} deg/s at the steering's stops."
+    if limits.turn_g is None:
+        return words
+    confirmed = f"the runs confirm {limits.turn_g:.2f} g"
+    if limits.lowers:
+        confirmed += "; it stays as it is, because more was not tested"
+    return f"{words} ATC_TURN_MAX_G: {confirmed}."
+
+
+def _column(judged: AssessedGains, limits: dict[str, str]) -> dict[str, str]:
+    step, margins = judged.step, judged.margins
+    return {
+        **{name: f"{value:.4g}" for name, value in judged.gains.parameters.items()},
+        **limits,
+        "gain margin": _db(margins.gain_db),
+        "phase margin": _deg(margins.phase_deg),
+        "worst gain margin": _db(judged.worst_gain[0]),
+        "worst phase margin": _deg(judged.worst_phase[0]),
+        "crossover frequency": _number(margins.crossover, "rad/s"),
+        "bandwidth of r / target": _number(judged.bandwidth, "rad/s"),
+        f"step of {math.degrees(step.size):.0f} deg/s: rise": _number(step.rise, "s"),
+        "  overshoot": f"{step.overshoot:.1f} %",
+        "  settling to 5 %": _number(step.settling, "s"),
+        "  steering used": f"{100 * step.used:.0f} % of travel",
+        "steady r / target without I": f"{100 * judged.steady:.0f} %",
+    }
+
+
+def _large_changes(proposal: Proposal) -> str:
+    """What to do first where a gain changes by more than a factor of `LARGE`; "" where none does."""
+    if proposal.now is None or proposal.proposed is None:
+        return ""
+    before, after = proposal.now.gains.parameters, proposal.proposed.gains.parameters
+    large = [
+        f"{name} {before[name]:.3g} to {value:.3g}"
+        for name, value in after.items()
+        if min(before.get(name, 0.0), value) > 0 and not 1 / LARGE <= value / before[name] <= LARGE
+    ]
+    if not large:
+        return ""
+    return f"Large changes: {', '.join(large)}. Try them with the wheels off the ground, then at low speed."
+
+
+def _footnote(proposal: Proposal) -> str:
+    worst = proposal.proposed or proposal.now
+    assert worst is not None
+    return (
+        "Worst margins within the 90 % intervals of the parameters and the valid speeds; gain margin at "
+        f"{worst.worst_gain[1]}, phase margin at {worst.worst_phase[1]}. "
+        "Steps include the firmware's limits on the target."
+    )
+
+
+def _db(value: float) -> str:
+    return f"{value:.1f} dB" if math.isfinite(value) else "unlimited"
+
+
+def _deg(value: float) -> str:
+    return f"{value:.0f} deg" if math.isfinite(value) else "unlimited"
+
+
+def _number(value: float, unit: str) -> str:
+    return f"{value:.3g} {unit}" if math.isfinite(value) else "never"
