@@ -208,7 +208,7 @@ class Recording(Shown):
         default a new figure. UsageError for an unknown channel or another number of axes.
 
         >>> [axes.get_ylabel() for axes in runs["run1"].plot(["r", "speed"])]
-        ['yaw rate r\\ndeg/s', 'speed V\\nm/s']
+        ['yaw rate r, deg/s', 'speed V, m/s']
         """
         return drawing("draw_run")(self, channels, axes)
 

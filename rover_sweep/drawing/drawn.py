@@ -41,7 +41,7 @@ from rover_sweep.report.identification.report import shown_models
 from rover_sweep.spectra.response import FrequencyResponse
 
 COLUMN, ROW = 5.5, 0.0135  # in of a column, and of a px of a panel's height
-LONG = 16  # characters from which the label of a panel takes two lines
+LONG = 24  # characters from which the label of a panel takes two lines
 STYLE: dict[Any, Any] = {
     "font.size": 10,
     "axes.titlesize": 10.5,
