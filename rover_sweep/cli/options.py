@@ -1,20 +1,108 @@
-"""Option types that several commands share."""
+"""Options of commands, each declared once; their types, and those that several commands share."""
 
 from __future__ import annotations
 
+import functools
 import math
 import re
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from inspect import Parameter, signature
 from itertools import count
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from rover_sweep.cli.views.output import echo
 from rover_sweep.data.vehicle_file import Measured
 from rover_sweep.errors import UsageError
+
+if TYPE_CHECKING:
+    from rover_sweep.api.read import Reading
+
+# A command's options are the defaults of its parameters.
+
+
+FILE, FOLDER = click.Path(dir_okay=False), click.Path(file_okay=False)
+
+
+@dataclass(frozen=True, eq=False)
+class _Declared:
+    """declare: makes the decorator of click from the parameter's name, and whether it is a bool."""
+
+    declare: Callable[[str, bool], Callable[..., Any]]
+
+
+@dataclass(frozen=True, eq=False)
+class _Together:
+    make: Callable[..., Any]
+
+
+def option(
+    help: str | None, type: Any = None, metavar: str | None = None, flag: str = "", **more: Any
+) -> Any:
+    """An option, as the default of a parameter of a command with `options`; a bool is a flag.
+
+    flag: its names, "-o --output"; by default the parameter's. metavar: DIR for a FOLDER. Shows the default
+    unless the help has "[default: ...]". more: of click.option.
+    """
+    shown = more.get("default") not in (None, "", ()) and "[default" not in (help or "")
+    metavar = metavar or ("DIR" if type is FOLDER else None)
+    settings = {"type": type, "metavar": metavar, "help": help, "show_default": shown} | more
+
+    def declare(name: str, is_flag: bool) -> Callable[..., Any]:
+        names = flag.split() or [f"--{name.replace('_', '-')}"]
+        if is_flag:
+            return click.option(*names, name, is_flag=True, help=help, **more)
+        return click.option(*names, name, **settings)
+
+    return _Declared(declare)
+
+
+def argument(metavar: str | None = None, **settings: Any) -> Any:
+    """An argument, as the default of a parameter; settings: of click.argument."""
+    return _Declared(lambda name, _: click.argument(name, metavar=metavar, **settings))
+
+
+def together(make: Callable[..., Any]) -> Any:
+    """A value made of several options, which are the defaults of the parameters of `make`.
+
+    A parameter without a default gets the option of that name which the command has besides.
+    """
+    return _Together(make)
+
+
+def options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Gives the function the options that are the defaults of its parameters, in their order."""
+
+    @functools.wraps(command)
+    def filled(**given: Any) -> Any:
+        return _made(command, given)
+
+    for parameter in reversed(list(_declared(command))):
+        filled = parameter.default.declare(parameter.name, parameter.annotation == "bool")(filled)
+    return filled
+
+
+def _declared(make: Callable[..., Any]) -> Iterator[Parameter]:
+    for parameter in signature(make).parameters.values():
+        if isinstance(parameter.default, _Together):
+            yield from _declared(parameter.default.make)
+        elif isinstance(parameter.default, _Declared):
+            yield parameter
+
+
+def _made(make: Callable[..., Any], given: dict[str, Any]) -> Any:
+    defaults = {name: parameter.default for name, parameter in signature(make).parameters.items()}
+    return make(
+        **{n: _made(d.make, given) if isinstance(d, _Together) else given[n] for n, d in defaults.items()}
+    )
+
+
+# Types of options.
+
 
 OUTPUTS = ("r", "ay", "vydot", "p")
 
@@ -50,6 +138,9 @@ class NumberRange(click.FloatRange):
         if not math.isfinite(number):
             self.fail(f"{value!r} is not a finite number", param, ctx)
         return number
+
+
+POSITIVE = NumberRange(0, min_open=True)
 
 
 class NumbersType(click.ParamType):
@@ -110,6 +201,43 @@ class NamesType(click.ParamType):
 EFFECTS = NamesType("ID,ID,...")
 
 
+# Options that several commands have.
+
+
+VEHICLE = option("Vehicle file (default: the session's, or rover.toml here).", FILE, flag="--vehicle")
+REPORT = option("Folder of the report; created if missing.", FOLDER, required=True)
+FULL = option(
+    "Show all tables: every model, costs, verification, handling, steps of the reduction.",
+    flag="--full --verbose",
+)
+AS_JSON = option("Print identification.json on stdout; tables go to stderr.", flag="--json")
+SESSION = argument(type=click.Path(exists=True, file_okay=False, path_type=Path))
+OUTPUT = option("File to write. [default: stdout]", metavar="FILE", flag="-o --output", default="-")
+ARDUROVER = option("The ArduRover SITL program (else $ROVER_SWEEP_ARDUROVER, else the PATH).", FILE)
+SEED = option("Random seed of noise and road.", click.IntRange(0), default=1)
+
+
+def _reading(
+    columns: str | None = option("Column map of .csv recordings (TOML).", FILE),
+    system: int | None = option(
+        "MAVLink system id of the vehicle, if a .tlog contains several.", click.IntRange(1, 255), "N"
+    ),
+    gyro_filter: float | None = option(
+        "INS_GYRO_FILTER during the drive, if the log lacks it (0: off).", NumberRange(0), "HZ"
+    ),
+    accel_filter: float | None = option(
+        "INS_ACCEL_FILTER during the drive, if the log lacks it (0: off).", NumberRange(0), "HZ"
+    ),
+) -> Reading:
+    from rover_sweep.api.read import Reading
+
+    filters = {"gyro_hz": gyro_filter, "accel_hz": accel_filter}
+    return Reading(columns, {k: v for k, v in filters.items() if v is not None} or None, system)
+
+
+READING = together(_reading)
+
+
 def vehicle_path(given: str | None, runs: Sequence[str] = ()) -> str:
     """The vehicle file: as given, else that of a session among the runs, else rover.toml here."""
     from rover_sweep.session.folder import VEHICLE_FILE, kept_vehicle_file
@@ -124,65 +252,6 @@ def vehicle_path(given: str | None, runs: Sequence[str] = ()) -> str:
         "no vehicle file: give --vehicle rover.toml; create one with "
         "`rover-sweep vehicle --example > rover.toml`"
     )
-
-
-def filter_overrides(gyro: float | None, accel: float | None) -> dict[str, float] | None:
-    """{"gyro_hz", "accel_hz"} of the options that were given, None without any."""
-    given = {"gyro_hz": gyro, "accel_hz": accel}
-    return {k: v for k, v in given.items() if v is not None} or None
-
-
-def reading_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """--columns, --system, --gyro-filter and --accel-filter."""
-    for decorate in (
-        click.option(
-            "--accel-filter",
-            type=NumberRange(0),
-            metavar="HZ",
-            help="INS_ACCEL_FILTER during the drive, if the log lacks it (0: off).",
-        ),
-        click.option(
-            "--gyro-filter",
-            type=NumberRange(0),
-            metavar="HZ",
-            help="INS_GYRO_FILTER during the drive, if the log lacks it (0: off).",
-        ),
-        click.option(
-            "--system",
-            type=click.IntRange(1, 255),
-            metavar="N",
-            help="MAVLink system id of the vehicle, if a .tlog contains several.",
-        ),
-        click.option(
-            "--columns",
-            type=click.Path(dir_okay=False),
-            metavar="FILE",
-            help="Column map of .csv recordings (TOML).",
-        ),
-    ):
-        command = decorate(command)
-    return command
-
-
-def output_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """--json and --full, of the commands that identify."""
-    for decorate in (
-        click.option(
-            "--full",
-            "--verbose",
-            "full",
-            is_flag=True,
-            help="Show all tables: every model, costs, verification, handling, steps of the reduction.",
-        ),
-        click.option(
-            "--json",
-            "as_json",
-            is_flag=True,
-            help="Print identification.json on stdout; tables go to stderr.",
-        ),
-    ):
-        command = decorate(command)
-    return command
 
 
 # Option types for measured numbers: a number with its standard deviation, and times.

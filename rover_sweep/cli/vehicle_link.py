@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-import functools
 import math
 import sys
 import tempfile
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
+from rover_sweep.cli.options import FILE, option, together
 from rover_sweep.cli.views.asking import chosen_of
 from rover_sweep.cli.views.output import echo, narration
 from rover_sweep.errors import UsageError
@@ -26,41 +26,29 @@ if TYPE_CHECKING:
 # Options that choose the vehicle at --connect; if several are heard, the user is asked.
 
 
-_SYSTEM = click.option(
-    "--system",
-    type=click.IntRange(1, 255),
-    metavar="N",
-    help="MAVLink system id of the vehicle, if several are heard.",
-)
-
-_KEY = click.option(
-    "--signing-key",
-    type=click.Path(dir_okay=False),
-    metavar="FILE",
-    help="File with the MAVLink signing key: 32 bytes, 64 hex digits, or a passphrase "
-    "(its SHA-256 is the key, as in Mission Planner).",
-)
-
-
-def access_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """--system and --signing-key of a command with --connect; the command gets them as `access`."""
-
-    @functools.wraps(command)
-    def with_access(*args: Any, system: int | None, signing_key: str | None, **rest: Any) -> Any:
-        given = "--system" if system is not None else "--signing-key" if signing_key else ""
-        if given and None in (rest.get("connect", ""), rest.get("url", "")):
-            raise UsageError(f"{given} needs --connect; give --connect too")
-        return command(*args, access=_access(system, signing_key), **rest)
-
-    return _SYSTEM(_KEY(with_access))
-
-
-def _access(system: int | None, key: str | None) -> Access:
+def _access(
+    connect: str | None,
+    system: int | None = option(
+        "MAVLink system id of the vehicle, if several are heard.", click.IntRange(1, 255), "N"
+    ),
+    signing_key: str | None = option(
+        "File with the MAVLink signing key: 32 bytes, 64 hex digits, or a passphrase "
+        "(its SHA-256 is the key, as in Mission Planner).",
+        FILE,
+    ),
+) -> Access:
+    """Of a command with --connect. UsageError for these options without it."""
     from rover_sweep.vehicle.link.connection import Access
     from rover_sweep.vehicle.link.mavlink import read_key
 
+    given = "--system" if system is not None else "--signing-key" if signing_key else ""
+    if given and connect is None:
+        raise UsageError(f"{given} needs --connect; give --connect too")
     choose = _ask_system if sys.stdin.isatty() else None
-    return Access(system, choose, _warn, read_key(Path(key)) if key else None)
+    return Access(system, choose, _warn, read_key(Path(signing_key)) if signing_key else None)
+
+
+ACCESS = together(_access)
 
 
 def _ask_system(heard: Sequence[Heard]) -> int:
@@ -169,22 +157,28 @@ class LimitType(click.ParamType):
 
 URL_HELP = "tcp:HOST:PORT, udp:HOST:PORT (listen), or /dev/ttyACM0,115200."
 
-_connect = click.option("--connect", required=True, metavar="URL", help=URL_HELP)
-json_option = click.option(
-    "--json", "as_json", is_flag=True, help="Print JSON on stdout, and nothing else there."
+PILOT_PATIENCE = 900.0  # s to wait for the pilot to arm, throw the switch, or disarm at the end
+
+
+def throw_switch_option(meaning: str) -> Any:
+    """--throw-switch, by RC override without a value; meaning: the help text."""
+    return option(meaning, click.Choice(["override", "aux", "pilot"]), is_flag=False, flag_value="override")
+
+
+CONNECT = option(URL_HELP, None, "URL", required=True)
+JSON_ALONE = option("Print JSON on stdout, and nothing else there.", flag="--json")
+LIMIT_SET = option(
+    "Limit of the applet, e.g. v_max=3. [default: as set on the rover]", LimitType(), multiple=True
 )
+ARM = option("Allow this program to arm and disarm the rover.")
+THROTTLE_PWM = click.IntRange(1000, 2000)
+SWITCH_AS_RUN = throw_switch_option("Allow this program to throw the applet's switch, as in `run`.")
+THROTTLE = option("With --arm: allow this program to drive, with this throttle PWM.", THROTTLE_PWM, "US")
 
 
-def connect_option(command: Callable[..., Any]) -> Callable[..., Any]:
-    """--connect (required), with --system and --signing-key."""
-    return _connect(access_options(command))
-
-
-def via_option(meaning: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+def via_option(meaning: str) -> Any:
     """--via, the library that talks to the vehicle; meaning: the help text."""
-    return click.option(
-        "--via", type=click.Choice(["mavlink", "mavsdk"]), default="mavlink", show_default=True, help=meaning
-    )
+    return option(meaning, click.Choice(["mavlink", "mavsdk"]), default="mavlink")
 
 
 @contextmanager

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import rover_sweep as rs
-from rover_sweep.cli.driving import shown_results as show_twin
+from rover_sweep.cli.driving import shown_results
 from rover_sweep.diagnosis.result import Diagnosis
 from sitl.plant.variant import load_variant
 from tests.comparison.pairs import RECORDED, drive, vehicle_file
@@ -34,7 +34,7 @@ def test_twin_corrects_and_writes_everything(run_program, drawn, tmp_path, monke
     path, vehicle = drawn
     model = baseline_model(rs.read(str(path), vehicle=vehicle))
     found = Diagnosis("none", "no effect is missing", "roll-yaw", model=model)
-    monkeypatch.setattr(show_twin, "_diagnosed", lambda *ignored: found)
+    monkeypatch.setattr(shown_results, "diagnosis_of", lambda *ignored: found)
     done = run_program(
         "twin", str(path), "--vehicle", str(vehicle), "--out", str(tmp_path / "twin"), "--json"
     )

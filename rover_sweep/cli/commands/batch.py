@@ -2,48 +2,47 @@
 
 from __future__ import annotations
 
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
+from rover_sweep.cli.options import FOLDER, argument, check_writable, option, options
+from rover_sweep.cli.views.output import echo_json, narration, results
+from rover_sweep.errors import UsageError
+
+if TYPE_CHECKING:
+    from rover_sweep.batch.measured_logs import Progress
+
+KEPT = "measured"  # folder of the saved values
+
 
 @click.command()
-@click.argument("logs", nargs=-1, required=True, metavar="LOGS...")
-@click.option(
-    "--vehicles",
-    type=click.Path(exists=True, file_okay=False),
-    metavar="DIR",
-    help="Folder with the vehicle files: NAME.toml for the logs in a folder NAME, rover.toml for all others; "
-    "fleet.toml lists boards by NAME. Default: rover.toml beside the logs.",
-)
-@click.option("--scheduler", metavar="URL", help="Work on a Dask cluster, e.g. tcp://10.0.0.5:8786.")
-@click.option(
-    "--workers",
-    type=click.IntRange(1),
-    metavar="N",
-    help="Local processes (default: one per processor; not with --scheduler).",
-)
-@click.option("--diagnose", is_flag=True, help="Also diagnose each day of each vehicle (a minute each).")
-@click.option("--parquet", is_flag=True, help="Write the tables as Parquet too (needs pyarrow).")
-@click.option(
-    "--out",
-    required=True,
-    type=click.Path(file_okay=False),
-    metavar="SEASON",
-    help="Folder of the report; created if missing. Logs measured there before are not measured again.",
-)
-@click.option(
-    "--json", "as_json", is_flag=True, help="Print season.json on stdout; the summary goes to stderr."
-)
+@options
 def batch(
-    logs: tuple[str, ...],
-    vehicles: str | None,
-    scheduler: str | None,
-    workers: int | None,
-    diagnose: bool,
-    parquet: bool,
-    out: str,
-    as_json: bool,
+    logs: tuple[str, ...] = argument("LOGS...", nargs=-1, required=True),
+    vehicles: str | None = option(
+        "Folder with the vehicle files: NAME.toml for the logs in a folder NAME, rover.toml for all others; "
+        "fleet.toml lists boards by NAME. Default: rover.toml beside the logs.",
+        click.Path(exists=True, file_okay=False),
+        "DIR",
+    ),
+    scheduler: str | None = option("Work on a Dask cluster, e.g. tcp://10.0.0.5:8786.", metavar="URL"),
+    workers: int | None = option(
+        "Local processes (default: one per processor; not with --scheduler).", click.IntRange(1), "N"
+    ),
+    diagnose: bool = option("Also diagnose each day of each vehicle (a minute each)."),
+    parquet: bool = option("Write the tables as Parquet too (needs pyarrow)."),
+    out: str = option(
+        "Folder of the report; created if missing. Logs measured there before are not measured again.",
+        FOLDER,
+        "SEASON",
+        required=True,
+    ),
+    as_json: bool = option("Print season.json on stdout; the summary goes to stderr.", flag="--json"),
 ) -> None:
     """Find out what drifted on each vehicle of a fleet over a season.
 
@@ -52,16 +51,59 @@ def batch(
     servo lag, delay, play, trim, inertia and instruments are compared from day to day. A log that cannot be
     used is listed with the reason.
     """
-    from rover_sweep.cli.driving.shown_results import BatchCall, show_season
-    from rover_sweep.cli.options import check_writable
-    from rover_sweep.errors import UsageError
+    from rover_sweep.batch import measured_logs as measured
+    from rover_sweep.batch.season_of_logs import diagnosed_days, drawn_pages, season_of_logs
+    from rover_sweep.report.on_terminal import on_terminal
+    from rover_sweep.report.season.report import season_document, season_report, write_season
 
     if scheduler and workers:
         raise UsageError(
             "--workers is for local processes; start the workers of the cluster with dask worker"
         )
-    check_writable(Path(out))
-    call = BatchCall(
-        logs, Path(vehicles) if vehicles else None, scheduler, workers, diagnose, parquet, Path(out)
-    )
-    show_season(call, as_json)
+    folder = Path(out)
+    check_writable(folder)
+    sources = measured.log_sources(logs)
+    files = measured.read_vehicle_files(Path(vehicles)) if vehicles else measured.files_beside(sources)
+    with measured.workers(workers, scheduler) as pool:
+        with _progress("log", len(sources)) as progress:
+            values = measured.measured_logs(sources, files, folder / KEPT, pool, progress)
+        found = season_of_logs(values, files)
+        said = {}
+        if diagnose:
+            with _progress("day", sum(len(v.logs) for v in found.vehicles)) as progress:
+                said = diagnosed_days(found, values, files, folder, pool, progress)
+        pages = drawn_pages(found, said, pool)
+    page = write_season(found, values, pages, folder, parquet)
+    shown = results(as_json)
+    shown.print(on_terminal(season_report(found)))
+    shown.print(f"report: {page}", markup=False, soft_wrap=True)
+    if as_json:
+        echo_json(season_document(found))
+
+
+@contextmanager
+def _progress(what: str, count: int) -> Iterator[Progress]:
+    """A bar with an estimate on a terminal; a line each tenth elsewhere."""
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+    console = narration()
+    started = time.monotonic()
+    with Progress(
+        TextColumn("{task.description}", markup=False),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeRemainingColumn(elapsed_when_finished=True),
+        console=console,
+        transient=True,
+    ) as bar:
+        task = bar.add_task(f"{what}s", total=count)
+
+        def show(done: int, left: int) -> None:
+            if not done and left < count:
+                console.print(f"{count - left} of {count} {what}s were done before")
+            bar.update(task, completed=done, total=left)
+            if not console.is_terminal and done and (done == left or done % max(1, left // 10) == 0):
+                rest = (time.monotonic() - started) / done * (left - done)
+                click.echo(f"{done} of {left} {what}s done, about {rest:.0f} s left", err=True)
+
+        yield show

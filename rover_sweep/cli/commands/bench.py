@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from rover_sweep.cli.options import NumbersType, vehicle_path
-from rover_sweep.cli.vehicle_link import URL_HELP, access_options
+from rover_sweep.cli.options import FILE, FOLDER, NumbersType, option, options, session_folder, vehicle_path
+from rover_sweep.cli.vehicle_link import ACCESS, URL_HELP
 from rover_sweep.cli.views.output import echo, echo_json
 from rover_sweep.errors import RoverSweepError, UsageError
 
@@ -26,65 +26,32 @@ STEPS = (50.0, 100.0, 150.0)
 
 
 @click.command()
-@click.option("--connect", metavar="URL", help=URL_HELP)
-@access_options
-@click.option(
-    "--vehicle",
-    "vehicle_file",
-    type=click.Path(dir_okay=False),
-    metavar="FILE",
-    help="Vehicle file to read and update (default: rover.toml here).",
-)
-@click.option("--hand", is_flag=True, help="Read the wheel angles by hand and type them.")
-@click.option(
-    "--wheel-imu",
-    metavar="FILE|URL",
-    help="IMU on the wheel: CSV file of its logger, or MAVLink URL of its autopilot.",
-)
-@click.option(
-    "--wheel-clock",
-    type=click.Choice(["own", "vehicle"]),
-    default=None,
-    help="Clock of the CSV. The delay needs the vehicle's clock. [default: own]",
-)
-@click.option(
-    "--steps",
-    type=NumbersType(),
-    default=",".join(f"{s:g}" for s in STEPS),
-    show_default=True,
-    help="Step sizes from the servo's trim, us; each is made to both sides.",
-)
-@click.option("--ramp", is_flag=True, help="With --hand: add a slow ramp, to watch the wheels.")
-@click.option(
-    "--from",
-    "from_folder",
-    type=click.Path(file_okay=False),
-    metavar="DIR",
-    help="Evaluate a recorded bench test; nothing is connected.",
-)
-@click.option(
-    "--out",
-    type=click.Path(file_okay=False),
-    metavar="DIR",
-    help="Folder for the recording. [default: bench, else bench-2, ...]",
-)
-@click.option("--no-write", is_flag=True, help="Do not change the vehicle file.")
-@click.option("--yes", "unasked", is_flag=True, help="Do not ask; allowed only on a simulated rover.")
-@click.option("--json", "as_json", is_flag=True, help="Print the numbers as JSON on stdout.")
+@options
 def bench(
-    connect: str | None,
-    access: Access,
-    vehicle_file: str | None,
-    hand: bool,
-    wheel_imu: str | None,
-    wheel_clock: str | None,
-    steps: tuple[float, ...],
-    ramp: bool,
-    from_folder: str | None,
-    out: str | None,
-    no_write: bool,
-    unasked: bool,
-    as_json: bool,
+    connect: str | None = option(URL_HELP, metavar="URL"),
+    access: Access = ACCESS,
+    vehicle: str | None = option("Vehicle file to read and update (default: rover.toml here).", FILE),
+    hand: bool = option("Read the wheel angles by hand and type them."),
+    wheel_imu: str | None = option(
+        "IMU on the wheel: CSV file of its logger, or MAVLink URL of its autopilot.", metavar="FILE|URL"
+    ),
+    wheel_clock: str | None = option(
+        "Clock of the CSV. The delay needs the vehicle's clock. [default: own]",
+        click.Choice(["own", "vehicle"]),
+    ),
+    steps: tuple[float, ...] = option(
+        "Step sizes from the servo's trim, us; each is made to both sides.",
+        NumbersType(),
+        default=",".join(f"{s:g}" for s in STEPS),
+    ),
+    ramp: bool = option("With --hand: add a slow ramp, to watch the wheels."),
+    recorded: str | None = option(
+        "Evaluate a recorded bench test; nothing is connected.", FOLDER, flag="--from"
+    ),
+    out: str | None = option("Folder for the recording. [default: bench, else bench-2, ...]", FOLDER),
+    no_write: bool = option("Do not change the vehicle file."),
+    yes: bool = option("Do not ask; allowed only on a simulated rover."),
+    as_json: bool = option("Print the numbers as JSON on stdout.", flag="--json"),
 ) -> None:
     """Measure the steering on blocks: gain, asymmetry, curve, play, dead band, lag, rate limit.
 
@@ -106,25 +73,24 @@ def bench(
     rover-sweep bench --from bench --vehicle rover.toml --wheel-imu wheel.csv
     """
     from rover_sweep.bench.bench_folder import BenchFolder
-    from rover_sweep.cli.options import session_folder
     from rover_sweep.data.vehicle_file import load
 
-    path = Path(vehicle_path(vehicle_file))
+    path = Path(vehicle_path(vehicle))
     load(path)
-    if (connect is None) == (from_folder is None):
+    if (connect is None) == (recorded is None):
         raise click.UsageError(
             "give either --connect URL to measure a rover, or --from DIR to evaluate a recorded bench test"
         )
-    if from_folder is not None:
-        folder, whole = BenchFolder(Path(from_folder)), True
+    if recorded is not None:
+        folder, whole = BenchFolder(Path(recorded)), True
     else:
         assert connect is not None
         if hand == (wheel_imu is not None):
             raise click.UsageError("choose how to measure the wheel angle: --hand or --wheel-imu FILE or URL")
-        plan = _plan(steps, hand, ramp, _wheel(wheel_imu, wheel_clock), unasked)
+        plan = _plan(steps, hand, ramp, _wheel(wheel_imu, wheel_clock), yes)
         folder = BenchFolder(session_folder(out, "bench", ("bench.json", "readings.csv")))
         whole = _driven(connect, access, folder, plan)
-    given = Path(wheel_imu) if from_folder is not None and wheel_imu else None
+    given = Path(wheel_imu) if recorded is not None and wheel_imu else None
     result = _evaluated(folder, path, given, wheel_clock, whole)
     written = {} if no_write else _write(path, result)
     (_print_json if as_json else _print)(result, written, folder, path)

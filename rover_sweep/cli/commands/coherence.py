@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from rover_sweep.cli.options import NumberRange, filter_overrides, reading_options
+from rover_sweep.cli.options import FILE, POSITIVE, READING, argument, option, options
 from rover_sweep.cli.views.output import echo_json
 
 if TYPE_CHECKING:
+    from rover_sweep.api.read import Reading
     from rover_sweep.data.recording import Recording
     from rover_sweep.quality.verdict import CoherenceVerdict
     from rover_sweep.report.document import Table
@@ -20,31 +21,13 @@ if TYPE_CHECKING:
 
 
 @click.command()
-@click.argument("runs", nargs=-1, required=True, metavar="RUN...")
-@reading_options
-@click.option(
-    "--vehicle",
-    "vehicle_file",
-    type=click.Path(dir_okay=False),
-    metavar="FILE",
-    help="Vehicle file; gives the tyre friction and the steering sign.",
-)
-@click.option(
-    "--servo",
-    type=NumberRange(0, min_open=True),
-    metavar="S",
-    help="Time of your servo for 60 deg, from its data sheet, s.",
-)
-@click.option("--json", "as_json", is_flag=True, help="Print the verdicts as JSON on stdout.")
+@options
 def coherence(
-    runs: tuple[str, ...],
-    columns: str | None,
-    gyro_filter: float | None,
-    accel_filter: float | None,
-    system: int | None,
-    vehicle_file: str | None,
-    servo: float | None,
-    as_json: bool,
+    runs: tuple[str, ...] = argument("RUN...", nargs=-1, required=True),
+    reading: Reading = READING,
+    vehicle: str | None = option("Vehicle file; gives the tyre friction and the steering sign.", FILE),
+    servo: float | None = option("Time of your servo for 60 deg, from its data sheet, s.", POSITIVE, "S"),
+    as_json: bool = option("Print the verdicts as JSON on stdout.", flag="--json"),
 ) -> None:
     """Check whether the coherence of each run is good enough, and say what to change if it is not.
 
@@ -58,10 +41,9 @@ def coherence(
     from rover_sweep.quality.faults import each_with_length
     from rover_sweep.quality.verdict import assess
 
-    vehicle = load(vehicle_file) if vehicle_file else None
-    filters = filter_overrides(gyro_filter, accel_filter)
-    found = each_with_length(load_runs(runs, columns, filters, system=system))
-    judged = [assess(run, None, vehicle, servo) for run in found]
+    rover = load(vehicle) if vehicle else None
+    found = each_with_length(load_runs(runs, reading.columns, reading.filters, system=reading.system))
+    judged = [assess(run, None, rover, servo) for run in found]
     if as_json:
         echo_json(json.dumps([_as_json(*one) for one in zip(judged, found, strict=True)], indent=2))
         return

@@ -2,114 +2,87 @@
 
 from __future__ import annotations
 
+import sys
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import dataclass, replace
+from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
 from rover_sweep.cli.options import (
+    ARDUROVER,
     EFFECTS,
+    FILE,
+    FOLDER,
+    READING,
+    REPORT,
+    VEHICLE,
+    argument,
     check_report_folder,
-    filter_overrides,
-    reading_options,
+    check_writable,
+    option,
+    options,
+    together,
     vehicle_path,
 )
-from rover_sweep.errors import UsageError
+from rover_sweep.cli.views.output import echo_json, narration, print_warnings, results
+from rover_sweep.errors import DataRefused, UsageError
 
 if TYPE_CHECKING:
+    from rover_sweep.api.diagnosis_input import Material
+    from rover_sweep.api.read import Reading
+    from rover_sweep.comparison.answer import Correction, Twin
     from rover_sweep.data.recording import Recording
-    from rover_sweep.diagnosis.result import Baseline, DiagnosisSettings
+    from rover_sweep.data.vehicle_file import Vehicle
+    from rover_sweep.diagnosis.result import Baseline, Diagnosis
+    from sitl.plant.variant import PlantParameters
 
-BASELINES = ("roll-yaw", "bicycle", "lumped", "kinematic")
+SIMULATORS = ("plant", "embedded", "ardurover")
+RANDOM = option("Random seed.", click.IntRange(min=0), default=1)
+_BASELINE = option(
+    "Baseline model to test (default: roll-yaw, or less if the runs do not determine roll or tyres).",
+    click.Choice(("roll-yaw", "bicycle", "lumped", "kinematic")),
+)
 
 
 @click.command()
-@click.argument("runs", nargs=-1, required=True, metavar="RUN...")
-@click.option(
-    "--vehicle",
-    "vehicle_file",
-    type=click.Path(dir_okay=False),
-    metavar="FILE",
-    help="Vehicle file (default: the session's, or rover.toml here).",
-)
-@click.option(
-    "--baseline",
-    type=click.Choice(BASELINES),
-    help="Baseline model to test (default: roll-yaw, or less if the runs do not determine roll or tyres).",
-)
-@click.option(
-    "--model",
-    "model_file",
-    type=click.Path(dir_okay=False),
-    metavar="FILE",
-    help="Test an identified model: the identification.json of a report.",
-)
-@click.option(
-    "--simulation",
-    "simulated",
-    multiple=True,
-    metavar="RUN|SIMULATOR",
-    help="Recording of a simulation with the steering of a RUN, to compare; may be repeated. Or plant, "
-    "embedded or ardurover, which is then driven like the RUNs.",
-)
-@click.option(
-    "--variant",
-    metavar="NAME|FILE",
-    help="Simulated rover of --simulation plant, embedded or ardurover (default: nominal, with the vehicle "
-    "file's numbers).",
-)
-@click.option(
-    "--ardurover",
-    type=click.Path(dir_okay=False),
-    metavar="FILE",
-    help="The ArduRover SITL program of --simulation ardurover (else $ROVER_SWEEP_ARDUROVER, else the PATH).",
-)
-@click.option(
-    "--hold-out",
-    "held_out",
-    multiple=True,
-    metavar="RUN",
-    help="Run kept out of the fit, to check the result; may be repeated (default: the doublets).",
-)
-@click.option("--only", type=EFFECTS, default=(), help="Test only these effects.")
-@click.option("--without", type=EFFECTS, default=(), help="Do not test these effects.")
-@click.option(
-    "--time-limit",
-    type=click.FloatRange(1),
-    metavar="S",
-    help="Stop after this time and report the findings so far.",
-)
-@click.option(
-    "--seed", type=click.IntRange(0), default=1, show_default=True, help="Random seed of the bootstrap."
-)
-@reading_options
-@click.option(
-    "--out",
-    required=True,
-    type=click.Path(file_okay=False),
-    metavar="DIR",
-    help="Folder of the report; created if missing.",
-)
-@click.option("--json", "as_json", is_flag=True, help="Print diagnosis.json on stdout; tables go to stderr.")
+@options
 def diagnose(
-    runs: tuple[str, ...],
-    vehicle_file: str | None,
-    baseline: Baseline | None,
-    model_file: str | None,
-    simulated: tuple[str, ...],
-    variant: str | None,
-    ardurover: str | None,
-    held_out: tuple[str, ...],
-    only: tuple[str, ...],
-    without: tuple[str, ...],
-    time_limit: float | None,
-    seed: int,
-    columns: str | None,
-    gyro_filter: float | None,
-    accel_filter: float | None,
-    system: int | None,
-    out: str,
-    as_json: bool,
+    runs: tuple[str, ...] = argument("RUN...", nargs=-1, required=True),
+    vehicle_file: str | None = VEHICLE,
+    baseline: Baseline | None = _BASELINE,
+    model: str | None = option("Test an identified model: the identification.json of a report.", FILE),
+    simulation: tuple[str, ...] = option(
+        "Recording of a simulation with the steering of a RUN, to compare; may be repeated. Or plant, "
+        "embedded or ardurover, which is then driven like the RUNs.",
+        metavar="RUN|SIMULATOR",
+        multiple=True,
+    ),
+    variant: str | None = option(
+        "Simulated rover of --simulation plant, embedded or ardurover (default: nominal, with the vehicle "
+        "file's numbers).",
+        metavar="NAME|FILE",
+    ),
+    ardurover: str | None = option(
+        "The ArduRover SITL program of --simulation ardurover (else $ROVER_SWEEP_ARDUROVER, else the PATH).",
+        FILE,
+    ),
+    hold_out: tuple[str, ...] = option(
+        "Run kept out of the fit, to check the result; may be repeated (default: the doublets).",
+        metavar="RUN",
+        multiple=True,
+    ),
+    only: tuple[str, ...] = option("Test only these effects.", EFFECTS, default=()),
+    without: tuple[str, ...] = option("Do not test these effects.", EFFECTS, default=()),
+    time_limit: float | None = option(
+        "Stop after this time and report the findings so far.", click.FloatRange(1), "S"
+    ),
+    seed: int = option("Random seed of the bootstrap.", click.IntRange(0), default=1),
+    reading: Reading = READING,
+    out: str = REPORT,
+    as_json: bool = option("Print diagnosis.json on stdout; tables go to stderr.", flag="--json"),
 ) -> None:
     """Find physical effects in the recorded RUNs that the model leaves out: where, size and evidence.
 
@@ -118,57 +91,64 @@ def diagnose(
     simulation with the recordings too, and says what it has otherwise. Ctrl-C reports the findings so far and
     exits with code 130.
     """
-    from rover_sweep.api.diagnosis_input import material
-    from rover_sweep.api.read import Reading, load_steered
-    from rover_sweep.cli.driving.shown_results import SimulatorCall, show_diagnosed, simulator_of
+    from rover_sweep.api.diagnosis_input import candidates_left, material, nominal_of, time_limit_of
+    from rover_sweep.api.read import load_steered
+    from rover_sweep.cli.driving.shown_results import show_diagnosed
     from rover_sweep.data.vehicle_file import load as load_vehicle
+    from rover_sweep.diagnosis.result import DiagnosisSettings
 
-    simulator = simulator_of(simulated, variant)
-    simulated = () if simulator else simulated
-    settings = _settings(baseline, model_file, simulated, only, without, time_limit, seed)
+    simulator = _simulator_of(simulation, variant)
+    simulated = () if simulator else simulation
+    if model and simulated:
+        raise UsageError("--model and --simulation are alternatives; give only one of them")
+    limit = time_limit_of(time_limit)
+    name, values = nominal_of(Path(model), baseline) if model else (baseline, {})
+    chosen, left_out = candidates_left(only, without, None if simulated else name)
+    settings = DiagnosisSettings(name, chosen, left_out, limit, seed, values)
     check_report_folder(Path(out), ("diagnosis.json",), ("diagnosis.html", "variant.toml"))
     path = Path(vehicle_path(vehicle_file, runs))
     vehicle = load_vehicle(path)
-    reading = Reading(columns, filter_overrides(gyro_filter, accel_filter), system)
-    sources = (*runs, *held_out, *simulated)
+    sources = (*runs, *hold_out, *simulated)
 
     def read(some: tuple[str, ...]) -> tuple[Recording, ...]:
         return load_steered(some, vehicle, reading, [s for s in sources if s not in some]) if some else ()
 
-    given = material(read(runs), read(held_out), read(simulated))
-    binary = Path(ardurover) if ardurover else None
-    drive = (
-        SimulatorCall((*runs, *held_out), simulator, variant, binary, Path(out), seed, reading)
-        if simulator
-        else None
-    )
-    show_diagnosed(given, (vehicle, path), settings, Path(out), as_json, drive)
+    def drive(found: Diagnosis) -> tuple[tuple[Recording, ...], tuple[str, ...]]:
+        from rover_sweep.redrive.recorded_course import simulated_rover
+        from rover_sweep.twin.loop import laws_of, recorded_drives, simulated_drives, with_measured
+
+        assert simulator is not None and found.model is not None
+        rover = simulated_rover(variant or "nominal", None)
+        rover = rover if variant else with_measured(rover, vehicle)[0]
+        _say(f"driving the simulated rover ({simulator}) like the recordings")
+        drives, folder = recorded_drives(sources, reading.columns), Path(out) / "simulated"
+        binary = Path(ardurover) if ardurover else None
+        paths = simulated_drives(drives, rover, folder, simulator, binary, seed, _say)
+        again = replace(reading, columns=None)
+        return load_steered(paths, vehicle, again, sources), laws_of(rover, found.model)
+
+    given = material(read(runs), read(hold_out), read(simulated))
+    show_diagnosed(given, (vehicle, path), settings, Path(out), as_json, drive if simulator else None)
 
 
-def _settings(
-    baseline: Baseline | None,
-    model_file: str | None,
-    simulated: tuple[str, ...],
-    only: tuple[str, ...],
-    without: tuple[str, ...],
-    time_limit: float | None,
-    seed: int,
-) -> DiagnosisSettings:
-    from rover_sweep.api.diagnosis_input import candidates_left, nominal_of, time_limit_of
-    from rover_sweep.diagnosis.result import DiagnosisSettings
+def _simulator_of(simulated: Sequence[str], variant: str | None) -> str | None:
+    """The simulator that --simulation names, None where it names recordings. UsageError for a mixture."""
+    named = [s for s in simulated if s in SIMULATORS]
+    if named and len(simulated) > 1:
+        raise UsageError(
+            f"--simulation {', '.join(simulated)}: give one of {', '.join(SIMULATORS)}, or recordings of a "
+            "simulation"
+        )
+    if variant and not named:
+        raise UsageError(f"--variant {variant} needs --simulation plant, embedded or ardurover")
+    return named[0] if named else None
 
-    if model_file and simulated:
-        raise UsageError("--model and --simulation are alternatives; give only one of them")
-    limit = time_limit_of(time_limit)
-    name, values = nominal_of(Path(model_file), baseline) if model_file else (baseline, {})
-    chosen, left_out = candidates_left(only, without, None if simulated else name)
-    return DiagnosisSettings(name, chosen, left_out, limit, seed, values)
+
+def _say(words: str) -> None:
+    narration().print(words, soft_wrap=True, markup=False)
 
 
 # `rover-sweep twin`: correct a simulation until it agrees with recordings; `twin serve`: drive on it.
-
-
-SIMULATORS = ("plant", "embedded", "ardurover")
 
 
 class _Commands(click.Group):
@@ -185,108 +165,189 @@ def twin() -> None:
     """Correct a simulation until it agrees with recordings, or serve it."""
 
 
+@dataclass(frozen=True)
+class TwinCall:
+    """What the user asked for."""
+
+    runs: tuple[str, ...] = argument("RUN...", nargs=-1, required=True)
+    variant: str = option(
+        "Simulated rover to begin with, as in redrive. A named one gets the numbers of the vehicle file.",
+        metavar="NAME|FILE",
+        default="nominal",
+    )
+    hold_out: tuple[str, ...] = option(
+        "Run that only checks the result; may be repeated (default: the doublets).",
+        metavar="RUN",
+        multiple=True,
+    )
+    vehicle: tuple[str, ...] = option(
+        "Vehicle file (default: the session's, or rover.toml here); or embedded or ardurover, which then "
+        "drives the corrected rover once more. May be given twice.",
+        metavar="FILE|SIMULATOR",
+        multiple=True,
+    )
+    ardurover: str | None = ARDUROVER
+    seed: int = RANDOM
+    reading: Reading = READING
+    out: str = option(
+        "Folder of the report and of the variant file; created if missing.", FOLDER, required=True
+    )
+    as_json: bool = option("Print twin.json on stdout; tables go to stderr.", flag="--json")
+
+    @property
+    def simulator(self) -> str:
+        """That drives the last round."""
+        return next((v for v in self.vehicle if v in SIMULATORS), "plant")
+
+
+TWIN = together(TwinCall)
+
+
 @twin.command()
-@click.argument("runs", nargs=-1, required=True, metavar="RUN...")
-@click.option(
-    "--variant",
-    default="nominal",
-    show_default=True,
-    metavar="NAME|FILE",
-    help="Simulated rover to begin with, as in redrive. A named one gets the numbers of the vehicle file.",
-)
-@click.option(
-    "--hold-out",
-    "held_out",
-    multiple=True,
-    metavar="RUN",
-    help="Run that only checks the result; may be repeated (default: the doublets).",
-)
-@click.option(
-    "--vehicle",
-    "vehicles",
-    multiple=True,
-    metavar="FILE|SIMULATOR",
-    help="Vehicle file (default: the session's, or rover.toml here); or embedded or ardurover, which then "
-    "drives the corrected rover once more. May be given twice.",
-)
-@click.option(
-    "--ardurover",
-    type=click.Path(dir_okay=False),
-    metavar="FILE",
-    help="The ArduRover SITL program (else $ROVER_SWEEP_ARDUROVER, else the PATH).",
-)
-@click.option("--seed", type=click.IntRange(min=0), default=1, show_default=True, help="Random seed.")
-@reading_options
-@click.option(
-    "--out",
-    required=True,
-    type=click.Path(file_okay=False),
-    metavar="DIR",
-    help="Folder of the report and of the variant file; created if missing.",
-)
-@click.option("--json", "as_json", is_flag=True, help="Print twin.json on stdout; tables go to stderr.")
-def correct(
-    runs: tuple[str, ...],
-    variant: str,
-    held_out: tuple[str, ...],
-    vehicles: tuple[str, ...],
-    ardurover: str | None,
-    seed: int,
-    columns: str | None,
-    gyro_filter: float | None,
-    accel_filter: float | None,
-    system: int | None,
-    out: str,
-    as_json: bool,
-) -> None:
+@options
+def correct(call: TwinCall = TWIN) -> None:
     """Compare a simulated rover with RUNs, correct it, and drive it again until it agrees.
 
     The simulated rover repeats the steering and speed of each RUN (.BIN, .tlog). What differs is corrected in
     a variant file, DIR/variant.toml: numbers and effects, each with its reason. Held-out runs are only
     compared. Ctrl-C ends with the corrections so far. `rover-sweep twin serve DIR` drives the result.
     """
-    from rover_sweep.api.read import Reading
-    from rover_sweep.cli.driving.shown_results import TwinCall, show_twin
-    from rover_sweep.cli.options import check_writable, filter_overrides, vehicle_path
+    from rover_sweep.api.diagnosis_input import material
+    from rover_sweep.api.read import load_steered
+    from rover_sweep.cli.views.asking import Interruption
+    from rover_sweep.data.vehicle_file import load
+    from rover_sweep.report.comparison.report import twin_report, write_twin
+    from rover_sweep.report.on_terminal import WIDTH, on_terminal
+    from rover_sweep.report.wording import provenance
 
-    simulators = [v for v in vehicles if v in SIMULATORS]
-    files = [v for v in vehicles if v not in SIMULATORS]
+    simulators = [v for v in call.vehicle if v in SIMULATORS]
+    files = [v for v in call.vehicle if v not in SIMULATORS]
     if len(simulators) > 1 or len(files) > 1:
         raise UsageError(
-            f"--vehicle {', '.join(vehicles)}: give at most one vehicle file, and at most one of "
+            f"--vehicle {', '.join(call.vehicle)}: give at most one vehicle file, and at most one of "
             f"{', '.join(SIMULATORS)}"
         )
-    check_writable(Path(out))
-    show_twin(
-        TwinCall(
-            runs,
-            held_out,
-            Path(vehicle_path(files[0] if files else None, runs)),
-            variant,
-            simulators[0] if simulators else "plant",
-            Path(ardurover) if ardurover else None,
-            seed,
-            Reading(columns, filter_overrides(gyro_filter, accel_filter), system),
-            Path(out),
-        ),
-        as_json,
+    out = Path(call.out)
+    check_writable(out)
+    path = Path(vehicle_path(files[0] if files else None, call.runs))
+    console, shown = narration(), results(call.as_json)
+    vehicle = load(path)
+    rover, measured = _begin(call, vehicle, path)
+    runs = load_steered(call.runs, vehicle, call.reading, call.hold_out)
+    held = load_steered(call.hold_out, vehicle, call.reading, call.runs) if call.hold_out else ()
+    given = material(runs, held)
+    print_warnings(console, (*given.runs, *given.held_out))
+    words = "stopping with the corrections so far; press Ctrl-C again to quit without a report"
+    with Interruption(lambda: console.print(words, style="yellow")) as asked:
+        found = _twin(call, vehicle, rover, measured, given, asked.to_stop)
+    command = " ".join(["rover-sweep", *sys.argv[1:]])
+    origin = provenance(vehicle, path, given.held_out, command, datetime.now().astimezone())
+    page = write_twin(found, out, origin)
+    shown.print(on_terminal(twin_report(found, origin)), width=min(shown.width, WIDTH))
+    shown.print(f"\nreport: {page}", soft_wrap=True, markup=False)
+    shown.print(f"corrected rover: {out / 'variant.toml'}", soft_wrap=True, markup=False)
+    if call.as_json:
+        echo_json((out / "twin.json").read_text(encoding="utf-8"))
+    if asked.to_stop():
+        raise click.Abort
+
+
+def _begin(call: TwinCall, vehicle: Vehicle, path: Path) -> tuple[PlantParameters, tuple[Correction, ...]]:
+    """The rover to begin with; one of a name gets the measured numbers of the vehicle file."""
+    from rover_sweep.redrive.recorded_course import refuse_instant, simulated_rover
+    from rover_sweep.twin.loop import with_measured
+
+    rover = simulated_rover(call.variant, None)
+    if call.simulator != "plant":
+        refuse_instant(rover, call.simulator)
+    if call.variant.endswith(".toml"):
+        return rover, ()
+    try:
+        return with_measured(rover, vehicle)
+    except ValueError as error:  # numbers that are valid one by one but not together
+        raise UsageError(f"{path}: {error}") from error
+
+
+def _twin(
+    call: TwinCall,
+    vehicle: Vehicle,
+    rover: PlantParameters,
+    measured: tuple[Correction, ...],
+    given: Material,
+    stop: Callable[[], bool],
+) -> Twin:
+    """The recordings diagnosed, and the rover corrected by them; with the text of its variant file."""
+    from rover_sweep.api.diagnose import compared
+    from rover_sweep.api.read import load_steered
+    from rover_sweep.cli.driving.shown_results import diagnosis_of
+    from rover_sweep.comparison.common_model import FittedSide
+    from rover_sweep.comparison.compare import Compared
+    from rover_sweep.diagnosis.result import DiagnosisSettings
+    from rover_sweep.twin.loop import (
+        measured_differences,
+        recorded_drives,
+        simulated_drives,
+        twin_of,
+        variant_with_reasons,
+        with_last_drive,
     )
+
+    count, sources = 0, (*call.runs, *call.hold_out)
+    drives = recorded_drives(sources, call.reading.columns)
+    binary = Path(call.ardurover) if call.ardurover else None
+    fitted: dict[tuple[str, ...], FittedSide] = {}
+    found = diagnosis_of(given, vehicle, DiagnosisSettings(seed=call.seed), stop)
+    if found.model is None:
+        raise DataRefused(f"the recordings were refused: {found.sentence}")
+
+    _say(f"recordings: {found.sentence}")
+
+    def drive(rover: PlantParameters, simulator: str = "plant") -> Sequence[Recording]:
+        nonlocal count
+        count += 1
+        folder = Path(call.out) / "simulated" / f"drive{count}"
+        paths = simulated_drives(drives, rover, folder, simulator, binary, call.seed + 10 * count, _say)
+        return load_steered(paths, vehicle, replace(call.reading, columns=None), sources)
+
+    def compare(
+        simulated: Sequence[Recording],
+        laws: tuple[str, ...],
+        rover: PlantParameters,
+        changed: Collection[str],
+    ) -> Compared:
+        known = measured_differences(vehicle, rover)
+        return compared(
+            given.runs,
+            given.held_out,
+            simulated,
+            found,
+            laws,
+            call.seed,
+            fitted=fitted,
+            measured=known,
+            changed=changed,
+        )
+
+    twin, rover = twin_of(rover, measured, found.model, drive, compare, _say, stop)
+    if call.simulator != "plant" and not stop():
+        _say(f"driving the corrected rover on {call.simulator}")
+        twin = with_last_drive(
+            twin, rover, found.model, lambda r: drive(r, call.simulator), compare, call.simulator
+        )
+    text = variant_with_reasons(rover, twin.corrections, call.variant)
+    remarks = tuple(r for r in found.remarks if "held out" in r)
+    return replace(twin, variant=text, remarks=(*twin.remarks, *remarks))
 
 
 @twin.command()
-@click.argument("directory", metavar="DIR", type=click.Path(exists=True))
-@click.option(
-    "--ardurover",
-    type=click.Path(dir_okay=False),
-    metavar="FILE",
-    help="The ArduRover SITL program (else $ROVER_SWEEP_ARDUROVER, else the PATH).",
-)
-@click.option("--physics", is_flag=True, help="Only the physics; start the firmware yourself.")
-@click.option(
-    "--instance", type=click.IntRange(min=0), default=0, show_default=True, help="Moves the ports by 10."
-)
-@click.option("--seed", type=click.IntRange(min=0), default=1, show_default=True, help="Random seed.")
-def serve(directory: str, ardurover: str | None, physics: bool, instance: int, seed: int) -> None:
+@options
+def serve(
+    directory: str = argument("DIR", type=click.Path(exists=True)),
+    ardurover: str | None = ARDUROVER,
+    physics: bool = option("Only the physics; start the firmware yourself."),
+    instance: int = option("Moves the ports by 10.", click.IntRange(min=0), default=0),
+    seed: int = RANDOM,
+) -> None:
     """Serve the corrected rover of DIR (or a variant file) to the official firmware, on this machine only.
 
     Starts ArduRover's SITL with the twin as its physics and prints where to connect a ground station; nothing

@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from rover_sweep.cli.options import NumberRange, refuse_input
+from rover_sweep.cli.options import OUTPUT, NumberRange, argument, option, options, refuse_input
 from rover_sweep.cli.views.output import echo
 from rover_sweep.errors import DataRefused, UsageError
 from rover_sweep.files.documents import printable_lines, read_json
@@ -17,49 +17,27 @@ JUDGED_GOOD = ("good", "acceptable", "none", "explained")
 
 
 @click.command(short_help="Export a model for MATLAB, python-control, the simulated rover, or as JSON.")
-@click.argument("place", metavar="DIR|FILE", type=click.Path())
-@click.option(
-    "--model",
-    "name",
-    metavar="NAME",
-    help="bicycle, roll-yaw, lumped or kinematic. [default: the recommended one]",
-)
-@click.option(
-    "--format",
-    "form",
-    type=click.Choice(["json", "matlab", "python", "mat"]),
-    help="Output format. [default: from the suffix of FILE; json without FILE]",
-)
-@click.option(
-    "--speed",
-    type=NumberRange(0.1, 50),
-    metavar="M/S",
-    help="Speed of the model, if not that of the runs (not for the lumped model).",
-)
-@click.option(
-    "--plant", is_flag=True, help="Export the model of a diagnosis as a simulated rover, for --variant."
-)
-@click.option(
-    "--python",
-    "script",
-    metavar="FILE.py",
-    help="Write the simulated rover as one Python file that does not need rover-sweep.",
-)
-@click.option(
-    "--fmu",
-    metavar="FILE.fmu",
-    help="Write the simulated rover as an FMU (FMI 2.0 co-simulation). Needs pythonfmu.",
-)
-@click.option("-o", "--output", metavar="FILE", default="-", help="File to write. [default: stdout]")
+@options
 def export(
-    place: str,
-    name: str | None,
-    form: str | None,
-    speed: float | None,
-    plant: bool,
-    script: str | None,
-    fmu: str | None,
-    output: str,
+    place: str = argument("DIR|FILE", type=click.Path()),
+    model: str | None = option(
+        "bicycle, roll-yaw, lumped or kinematic. [default: the recommended one]", metavar="NAME"
+    ),
+    format: str | None = option(
+        "Output format. [default: from the suffix of FILE; json without FILE]",
+        click.Choice(["json", "matlab", "python", "mat"]),
+    ),
+    speed: float | None = option(
+        "Speed of the model, if not that of the runs (not for the lumped model).", NumberRange(0.1, 50), "M/S"
+    ),
+    plant: bool = option("Export the model of a diagnosis as a simulated rover, for --variant."),
+    python: str | None = option(
+        "Write the simulated rover as one Python file that does not need rover-sweep.", metavar="FILE.py"
+    ),
+    fmu: str | None = option(
+        "Write the simulated rover as an FMU (FMI 2.0 co-simulation). Needs pythonfmu.", metavar="FILE.fmu"
+    ),
+    output: str = OUTPUT,
 ) -> None:
     """Export a model from DIR, the report folder of `identify` or `diagnose`, or from a diagnosis.json.
 
@@ -70,24 +48,24 @@ def export(
     and the input delay tau. The sensors' low-pass filters are listed separately: they are not part of the
     rover. The python file computes responses with numpy alone; its system() needs `pip install control`.
     """
-    for written in (output, script, fmu):
+    for written in (output, python, fmu):
         if written not in ("-", None):
             refuse_input(str(written), place)
-    if script is not None or fmu is not None:
-        other = (name, form, speed, plant or None, None if output == "-" else output)
-        _rover(Path(place), script, fmu, other)
+    if python is not None or fmu is not None:
+        other = (model, format, speed, plant or None, None if output == "-" else output)
+        _rover(Path(place), python, fmu, other)
         return
     if plant:
-        _plant(Path(place), (name, form, speed), output)
+        _plant(Path(place), (model, format, speed), output)
         return
-    model = _model(Path(place), name, speed)
-    content = _content(model, form or _by_suffix(output))
+    found = _model(Path(place), model, speed)
+    content = _content(found, format or _by_suffix(output))
     if isinstance(content, bytes) and output == "-":
         raise UsageError("a .mat file is binary and cannot go to stdout; give a file with -o FILE.mat")
-    _write(output, content, f"{model['model']} model at {model['speed_m_s']:.3g} m/s")
-    if output != "-" and model["verdict"] not in JUDGED_GOOD:
-        judged = "diagnosis" if model.get("augmented") else "fit"
-        echo(f"warning: the verdict of this {judged} is: {model['verdict']}", err=True)
+    _write(output, content, f"{found['model']} model at {found['speed_m_s']:.3g} m/s")
+    if output != "-" and found["verdict"] not in JUDGED_GOOD:
+        judged = "diagnosis" if found.get("augmented") else "fit"
+        echo(f"warning: the verdict of this {judged} is: {found['verdict']}", err=True)
 
 
 def _plant(place: Path, other: tuple[object, ...], output: str) -> None:

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from rover_sweep.cli.vehicle_link import connect_option, unkept_link
+from rover_sweep.cli.options import OUTPUT, argument, option, options, write_text
+from rover_sweep.cli.vehicle_link import ACCESS, CONNECT, unkept_link
 from rover_sweep.cli.views.asking import confirmed, reboot_consent
 from rover_sweep.errors import UsageError
 
@@ -19,8 +20,7 @@ if TYPE_CHECKING:
     from rover_sweep.vehicle.setup import Survey, SurveyedParameter
 
 NAMES = ("identification", "raw_imu")
-_output = click.option("-o", "--output", default="-", metavar="FILE", help="File to write. [default: stdout]")
-_name = click.argument("name", type=click.Choice(NAMES), default=NAMES[0])
+_NAME = argument(type=click.Choice(NAMES), default=NAMES[0])
 
 
 @click.group()
@@ -29,30 +29,26 @@ def firmware() -> None:
 
 
 @firmware.command(short_help="Write the Lua applet.")
-@_output
-def applet(output: str) -> None:
+@options
+def applet(output: str = OUTPUT) -> None:
     """Write the Lua applet; copy it to APM/scripts on the autopilot's SD card."""
     from firmware_params.applet_parameters import applet_source
-    from rover_sweep.cli.options import write_text
 
     write_text(output, applet_source())
 
 
 @firmware.command(short_help="Write a .param file.")
-@_name
-@_output
-def params(name: str, output: str) -> None:
+@options
+def params(name: str = _NAME, output: str = OUTPUT) -> None:
     """Write a parameter file for any ground station: identification, or raw_imu in addition to it."""
     from firmware_params.param_files import shipped
-    from rover_sweep.cli.options import write_text
 
     write_text(output, shipped(name).read_text(encoding="utf-8"))
 
 
 @firmware.command(short_help="Check a rover's applet and parameters; changes nothing.")
-@_name
-@connect_option
-def check(name: str, connect: str, access: Access) -> int:
+@options
+def check(name: str = _NAME, connect: str = CONNECT, access: Access = ACCESS) -> int:
     """Compare a rover's parameters and applet with the required ones. Changes nothing.
 
     Exit code 0 if everything matches, 1 if not.
@@ -66,10 +62,13 @@ def check(name: str, connect: str, access: Access) -> int:
 
 
 @firmware.command(short_help="Install applet and parameters on a rover, after asking.")
-@_name
-@connect_option
-@click.option("--yes", is_flag=True, help="Do not ask, not even before a reboot.")
-def install(name: str, connect: str, access: Access, yes: bool) -> int:
+@options
+def install(
+    name: str = _NAME,
+    connect: str = CONNECT,
+    access: Access = ACCESS,
+    yes: bool = option("Do not ask, not even before a reboot."),
+) -> int:
     """Install the applet (by MAVLink FTP) and the parameters on a rover.
 
     Shows the differences and asks first; asks again before a reboot. The rover must be disarmed. Exit code

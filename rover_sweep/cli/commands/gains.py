@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from rover_sweep.cli.options import NumberRange, refuse_input
-from rover_sweep.cli.vehicle_link import access_options
+from rover_sweep.cli.options import FILE, NumberRange, argument, option, options, refuse_input
+from rover_sweep.cli.vehicle_link import ACCESS
 from rover_sweep.errors import LinkError, UsageError
 
 if TYPE_CHECKING:
@@ -20,47 +20,25 @@ if TYPE_CHECKING:
 
 
 @click.command(short_help="Compute steering and speed gains for the autopilot from identified models.")
-@click.argument("place", metavar="IDENTIFICATION|DIAGNOSIS|FOLDER", type=click.Path())
-@click.option(
-    "--speed", type=NumberRange(0.1, 50), metavar="M/S", help="Design speed. [default: that of the runs]"
-)
-@click.option(
-    "--model", "name", metavar="NAME", help="roll-yaw, bicycle or kinematic. [default: the recommended one]"
-)
-@click.option(
-    "--vehicle",
-    "vehicle_file",
-    type=click.Path(dir_okay=False),
-    metavar="FILE",
-    help="Vehicle file with rad_per_us, if the identification has none.",
-)
-@click.option(
-    "--now",
-    type=click.Path(dir_okay=False),
-    metavar="FILE.param|LOG.BIN",
-    help="Current parameters of the vehicle, to compare.",
-)
-@click.option(
-    "--connect", "url", metavar="URL", help="Read the current parameters from the vehicle; changes nothing."
-)
-@access_options
-@click.option(
-    "--out",
-    type=click.Path(dir_okay=False),
-    metavar="FILE.param",
-    help="Write the proposed parameters to this file, and the present ones to undo-FILE.param.",
-)
-@click.option("--json", "as_json", is_flag=True, help="Print everything as JSON on stdout.")
+@options
 def gains(
-    place: str,
-    speed: float | None,
-    name: str | None,
-    vehicle_file: str | None,
-    now: str | None,
-    url: str | None,
-    access: Access,
-    out: str | None,
-    as_json: bool,
+    place: str = argument("IDENTIFICATION|DIAGNOSIS|FOLDER", type=click.Path()),
+    speed: float | None = option("Design speed. [default: that of the runs]", NumberRange(0.1, 50), "M/S"),
+    model: str | None = option(
+        "roll-yaw, bicycle or kinematic. [default: the recommended one]", None, "NAME"
+    ),
+    vehicle: str | None = option("Vehicle file with rad_per_us, if the identification has none.", FILE),
+    now: str | None = option("Current parameters of the vehicle, to compare.", FILE, "FILE.param|LOG.BIN"),
+    connect: str | None = option(
+        "Read the current parameters from the vehicle; changes nothing.", None, "URL"
+    ),
+    access: Access = ACCESS,
+    out: str | None = option(
+        "Write the proposed parameters to this file, and the present ones to undo-FILE.param.",
+        FILE,
+        "FILE.param",
+    ),
+    as_json: bool = option("Print everything as JSON on stdout.", flag="--json"),
 ) -> None:
     """Compute ATC_STR_RAT_FF, P, I, D and IMAX from the report of `identify`, `run` or `diagnose`.
 
@@ -85,9 +63,9 @@ def gains(
 
     if out is not None:
         for written in (out, str(_undo_of(Path(out)))):
-            refuse_input(written, place, now, vehicle_file)
-    current = _current_parameters(now, url, access)
-    both = all_gains(Path(place), name, vehicle_file, current, now or url or "the defaults", speed)
+            refuse_input(written, place, now, vehicle)
+    current = _current_parameters(now, connect, access)
+    both = all_gains(Path(place), model, vehicle, current, now or connect or "the defaults", speed)
     if as_json:
         echo_json(json.dumps(both.document, indent=2))
     else:

@@ -3,25 +3,32 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
 from rover_sweep.cli.options import (
+    AS_JSON,
+    FILE,
+    FULL,
     OUTPUTS,
+    POSITIVE,
+    READING,
+    REPORT,
+    VEHICLE,
     BandType,
     ChoicesType,
-    NumberRange,
     NumbersType,
+    argument,
     check_report_folder,
-    filter_overrides,
-    output_options,
-    reading_options,
+    option,
+    options,
     vehicle_path,
 )
 from rover_sweep.errors import DataRefused, UsageError
 
 if TYPE_CHECKING:
+    from rover_sweep.api.read import Reading
     from rover_sweep.identification.identify_speed import SpeedResult
 
 MODELS = ("bicycle", "roll-yaw", "lumped")
@@ -29,119 +36,51 @@ REPLACED = ("report.html", "speed.html", "pictures/*", "models/*")  # by a new r
 
 
 @click.command()
-@click.argument("runs", nargs=-1, required=True, metavar="RUN...")
-@click.option(
-    "--vehicle",
-    "vehicle_file",
-    type=click.Path(dir_okay=False),
-    metavar="FILE",
-    help="Vehicle file (default: the session's, or rover.toml here).",
-)
-@click.option(
-    "--verify",
-    "verify_runs",
-    multiple=True,
-    metavar="RUN",
-    help="Run for verification only, such as a doublet; may be repeated.",
-)
-@click.option(
-    "--models",
-    type=ChoicesType(MODELS),
-    default=",".join(MODELS),
-    show_default=True,
-    help="Models to identify.",
-)
-@click.option(
-    "--fit",
-    "fitted",
-    type=ChoicesType(OUTPUTS),
-    default="r,ay,p",
-    show_default=True,
-    help="Responses used in the fit; all four are reported.",
-)
-@click.option(
-    "--structure",
-    "structures",
-    type=click.Path(dir_okay=False),
-    multiple=True,
-    metavar="FILE",
-    help="Additional model structure of your own (TOML); may be repeated.",
-)
-@click.option(
-    "--condition-on",
-    "condition_on",
-    multiple=True,
-    metavar="CHANNEL",
-    help="Second input whose effect is removed from the responses, e.g. throttle.",
-)
-@click.option("--untied", is_flag=True, help="Fit Cf and Cr separately instead of one C for both axles.")
-@click.option(
-    "--no-reduction", is_flag=True, help="Keep all parameters, even those the data cannot determine."
-)
-@click.option(
-    "--keep",
-    multiple=True,
-    metavar="NAME",
-    help="Parameter that the structure reduction keeps free, e.g. Ixx or Y_phi.",
-)
-@click.option(
-    "--band",
-    "bands",
-    type=BandType(),
-    multiple=True,
-    help="Frequency band used of a response, rad/s. [default: from its coherence]",
-)
-@click.option("--wmin", type=NumberRange(0, min_open=True), metavar="RAD/S", help="Lowest swept frequency.")
-@click.option("--wmax", type=NumberRange(0, min_open=True), metavar="RAD/S", help="Highest swept frequency.")
-@click.option("--windows", type=NumbersType(), metavar="S,S,...", help="Window lengths of the spectra, s.")
-@click.option(
-    "--bootstrap",
-    type=click.IntRange(min=0),
-    default=200,
-    show_default=True,
-    metavar="N",
-    help="Number of replicates for the 90 % intervals of the parameters; 0: no intervals.",
-)
-@click.option(
-    "--units",
-    type=click.Choice(["SI", "paper"], case_sensitive=False),
-    default="SI",
-    show_default=True,
-    help="Accelerations in m/s^2 or, as in the paper, in ft/s^2; files for programs stay in SI.",
-)
-@reading_options
-@click.option(
-    "--out",
-    required=True,
-    type=click.Path(file_okay=False),
-    metavar="DIR",
-    help="Folder of the report; created if missing.",
-)
-@output_options
+@options
 def identify(
-    runs: tuple[str, ...],
-    vehicle_file: str | None,
-    verify_runs: tuple[str, ...],
-    models: tuple[str, ...],
-    fitted: tuple[str, ...],
-    untied: bool,
-    no_reduction: bool,
-    keep: tuple[str, ...],
-    bands: tuple[Any, ...],
-    wmin: float | None,
-    wmax: float | None,
-    windows: tuple[float, ...] | None,
-    columns: str | None,
-    gyro_filter: float | None,
-    accel_filter: float | None,
-    system: int | None,
-    out: str,
-    as_json: bool,
-    full: bool,
-    structures: tuple[str, ...],
-    condition_on: tuple[str, ...],
-    bootstrap: int,
-    units: str,
+    runs: tuple[str, ...] = argument("RUN...", nargs=-1, required=True),
+    vehicle_file: str | None = VEHICLE,
+    verify: tuple[str, ...] = option(
+        "Run for verification only, such as a doublet; may be repeated.", metavar="RUN", multiple=True
+    ),
+    models: tuple[str, ...] = option("Models to identify.", ChoicesType(MODELS), default=",".join(MODELS)),
+    fit: tuple[str, ...] = option(
+        "Responses used in the fit; all four are reported.", ChoicesType(OUTPUTS), default="r,ay,p"
+    ),
+    structure: tuple[str, ...] = option(
+        "Additional model structure of your own (TOML); may be repeated.", FILE, multiple=True
+    ),
+    condition_on: tuple[str, ...] = option(
+        "Second input whose effect is removed from the responses, e.g. throttle.",
+        metavar="CHANNEL",
+        multiple=True,
+    ),
+    untied: bool = option("Fit Cf and Cr separately instead of one C for both axles."),
+    no_reduction: bool = option("Keep all parameters, even those the data cannot determine."),
+    keep: tuple[str, ...] = option(
+        "Parameter that the structure reduction keeps free, e.g. Ixx or Y_phi.", metavar="NAME", multiple=True
+    ),
+    band: tuple[tuple[str, tuple[float, float]], ...] = option(
+        "Frequency band used of a response, rad/s. [default: from its coherence]", BandType(), multiple=True
+    ),
+    wmin: float | None = option("Lowest swept frequency.", POSITIVE, "RAD/S"),
+    wmax: float | None = option("Highest swept frequency.", POSITIVE, "RAD/S"),
+    windows: tuple[float, ...] | None = option("Window lengths of the spectra, s.", NumbersType(), "S,S,..."),
+    bootstrap: int = option(
+        "Number of replicates for the 90 % intervals of the parameters; 0: no intervals.",
+        click.IntRange(min=0),
+        "N",
+        default=200,
+    ),
+    units: str = option(
+        "Accelerations in m/s^2 or, as in the paper, in ft/s^2; files for programs stay in SI.",
+        click.Choice(["SI", "paper"], case_sensitive=False),
+        default="SI",
+    ),
+    reading: Reading = READING,
+    out: str = REPORT,
+    as_json: bool = AS_JSON,
+    full: bool = FULL,
 ) -> None:
     """Identify bicycle, roll-yaw and lumped models from recorded RUNs and write a report.
 
@@ -151,28 +90,27 @@ def identify(
     DIR/speed.html and DIR/speed.json.
     """
     from rover_sweep.api.identify import parameter_names
-    from rover_sweep.api.read import Reading, fitted_and_verified, load_steered, load_structures
+    from rover_sweep.api.read import fitted_and_verified, load_steered, load_structures
     from rover_sweep.cli.driving.shown_results import add_steering, show_identified
     from rover_sweep.data.vehicle_file import load as load_vehicle
     from rover_sweep.identification.grouping import Settings
 
-    own = load_structures(structures)
+    own = load_structures(structure)
     check_report_folder(Path(out), ("identification.json", "speed.json"), REPLACED)
     speed, runs = _of_throttle(runs, Path(out), as_json)
     if not runs:
         return
     path = Path(vehicle_path(vehicle_file, runs))
     vehicle = load_vehicle(path)
-    reading = Reading(columns, filter_overrides(gyro_filter, accel_filter), system)
-    given = load_steered(runs, vehicle, reading, verify_runs)
-    verify = load_steered(verify_runs, vehicle, reading, runs) if verify_runs else ()
-    sweeps, checks = fitted_and_verified(given, verify)
+    given = load_steered(runs, vehicle, reading, verify)
+    verified = load_steered(verify, vehicle, reading, runs) if verify else ()
+    sweeps, checks = fitted_and_verified(given, verified)
     settings = Settings(
         models,
-        fitted,
+        fit,
         not untied,
         _swept(wmin, wmax),
-        dict(bands),
+        dict(band),
         windows,
         reduction=not no_reduction,
         keep=parameter_names(keep),

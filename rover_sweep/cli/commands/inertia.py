@@ -21,7 +21,7 @@ from rover_sweep.bench.swing_test import (
     remarks,
     rounded,
 )
-from rover_sweep.cli.options import MeasuredType, NumberRange, TimesType
+from rover_sweep.cli.options import FILE, MeasuredType, NumberRange, TimesType, option, options
 from rover_sweep.cli.views.display import bullet
 from rover_sweep.cli.views.output import echo, echo_json
 from rover_sweep.data.plausibility import ROLL_GYRATION, YAW_GYRATION
@@ -32,72 +32,43 @@ MASS = MeasuredType(0.05, 5000, "kg", "give kilograms")
 GYRATION = {"yaw": YAW_GYRATION, "roll": ROLL_GYRATION}
 LENGTH = MeasuredType(0.05, 20, "m", "give metres")
 
+_AXIS = option(
+    "Axis of the rover that is vertical in the test.", click.Choice(["yaw", "roll"]), default="yaw"
+)
+_MASS = option("Mass on the wires, kg. [default for yaw: mass in the --vehicle or --write file]", MASS)
+_LENGTH = option("h, length of the wires between the clamps, m.", LENGTH, required=True)
+_SPACING = option("d, distance between the wires, m.", LENGTH, required=True)
+_RIG_MASS = option("Mass of a board or cradle under the rover, kg.", MASS)
+
 
 @click.command()
-@click.option(
-    "--axis",
-    type=click.Choice(["yaw", "roll"]),
-    default="yaw",
-    show_default=True,
-    help="Axis of the rover that is vertical in the test.",
-)
-@click.option(
-    "--mass",
-    type=MASS,
-    help="Mass on the wires, kg. [default for yaw: mass in the --vehicle or --write file]",
-)
-@click.option("--length", type=LENGTH, required=True, help="h, length of the wires between the clamps, m.")
-@click.option("--spacing", type=LENGTH, required=True, help="d, distance between the wires, m.")
-@click.option(
-    "--times", type=TimesType(), required=True, help="Times of the twisting swing, each for --swings swings."
-)
-@click.option(
-    "--swings", type=click.IntRange(1), default=1, show_default=True, help="Full periods in each time."
-)
-@click.option("--check-times", type=TimesType(), help="Times of the swing in the plane of the wires.")
-@click.option(
-    "--check-swings", type=click.IntRange(1), help="Full periods in each check time. [default: --swings]"
-)
-@click.option("--rig-mass", type=MASS, help="Mass of a board or cradle under the rover, kg.")
-@click.option(
-    "--rig-times", type=TimesType(), help="Times of the rig without the rover, each for --swings swings."
-)
-@click.option(
-    "--timer-sd",
-    type=NumberRange(0, 5),
-    default=0.2,
-    show_default=True,
-    help="Standard deviation of one time, s; 0.2 by hand.",
-)
-@click.option(
-    "--vehicle",
-    "vehicle_path",
-    type=click.Path(dir_okay=False),
-    help="Vehicle file that gives the mass, for comparison.",
-)
-@click.option(
-    "--write",
-    type=click.Path(dir_okay=False),
-    help="Vehicle file to write the result into; keeps its comments.",
-)
-@click.option("--force", is_flag=True, help="With --write: write the result even if a check fails.")
-@click.option("--json", "as_json", is_flag=True, help="Print the numbers as JSON on stdout.")
+@options
 def inertia(
-    axis: Axis,
-    mass: Measured | None,
-    length: Measured,
-    spacing: Measured,
-    times: tuple[float, ...],
-    swings: int,
-    check_times: tuple[float, ...] | None,
-    check_swings: int | None,
-    rig_mass: Measured | None,
-    rig_times: tuple[float, ...] | None,
-    timer_sd: float,
-    vehicle_path: str | None,
-    write: str | None,
-    force: bool,
-    as_json: bool,
+    axis: Axis = _AXIS,
+    mass: Measured | None = _MASS,
+    length: Measured = _LENGTH,
+    spacing: Measured = _SPACING,
+    times: tuple[float, ...] = option(
+        "Times of the twisting swing, each for --swings swings.", TimesType(), required=True
+    ),
+    swings: int = option("Full periods in each time.", click.IntRange(1), default=1),
+    check_times: tuple[float, ...] | None = option(
+        "Times of the swing in the plane of the wires.", TimesType()
+    ),
+    check_swings: int | None = option(
+        "Full periods in each check time. [default: --swings]", click.IntRange(1)
+    ),
+    rig_mass: Measured | None = _RIG_MASS,
+    rig_times: tuple[float, ...] | None = option(
+        "Times of the rig without the rover, each for --swings swings.", TimesType()
+    ),
+    timer_sd: float = option(
+        "Standard deviation of one time, s; 0.2 by hand.", NumberRange(0, 5), default=0.2
+    ),
+    vehicle: str | None = option("Vehicle file that gives the mass, for comparison.", FILE),
+    write: str | None = option("Vehicle file to write the result into; keeps its comments.", FILE),
+    force: bool = option("With --write: write the result even if a check fails."),
+    as_json: bool = option("Print the numbers as JSON on stdout.", flag="--json"),
 ) -> None:
     """Compute a moment of inertia from a swing test.
 
@@ -110,7 +81,7 @@ def inertia(
     rover-sweep inertia --mass 2.66+-0.005 --length 1.200+-0.003 --spacing 0.300+-0.001 \\
       --swings 20 --times 47.5,47.3,47.6 --check-times 43.9,44.1 --write rover.toml
     """
-    file = vehicle_path or write
+    file = vehicle or write
     rover = load(file) if file else None
     hung = _mass(axis, mass, rover)
     if (rig_mass is None) != (rig_times is None):

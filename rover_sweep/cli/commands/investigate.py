@@ -9,106 +9,87 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from rover_sweep.cli.driving.job import TRIGGERS
 from rover_sweep.cli.driving.simulated import (
+    SIMULATION,
     SIMULATORS,
+    Simulation,
     refuse_on_simulated,
     refuse_without_simulation,
-    simulation_options,
 )
 from rover_sweep.cli.options import (
     EFFECTS,
+    FILE,
+    FOLDER,
+    READING,
     GroundType,
     NumberRange,
-    filter_overrides,
-    reading_options,
+    argument,
+    option,
+    options,
     vehicle_path,
 )
-from rover_sweep.cli.vehicle_link import URL_HELP, LimitType, access_options
+from rover_sweep.cli.vehicle_link import (
+    ACCESS,
+    ARM,
+    PILOT_PATIENCE,
+    SWITCH_AS_RUN,
+    THROTTLE_PWM,
+    URL_HELP,
+    LimitType,
+)
 from rover_sweep.cli.views.output import echo_json
 from rover_sweep.errors import UsageError
 
 if TYPE_CHECKING:
     from rover_sweep.api.investigation import Bounds
+    from rover_sweep.api.read import Reading
     from rover_sweep.cli.views.display import PlainDisplay
     from rover_sweep.diagnosis.plans.planner import PlannedRun
     from rover_sweep.vehicle.link.connection import Access
     from rover_sweep.vehicle.run.controls import Trigger
 
 ABOVE_LEAST = 1.2  # a run is so much faster than the least speed of the applet
-_PILOT_PATIENCE = 900.0  # s, as `run` waits for the pilot
 
 
 @click.command()
-@click.argument("runs", nargs=-1, metavar="[RUN]...")
-@click.option("--connect", metavar="URL", help=URL_HELP)
-@access_options
-@click.option(
-    "--vehicle",
-    metavar="FILE|embedded|ardurover",
-    help="Vehicle file (default: the session's, or rover.toml here), or the simulated rover to start.",
-)
-@click.option("--runs", "most", type=click.IntRange(1, 50), default=6, show_default=True, help="Most runs.")
-@click.option(
-    "--speed",
-    type=NumberRange(0.3, 30),
-    default=2.4,
-    show_default=True,
-    metavar="M/S",
-    help="Largest speed; with --throttle, the speed at that throttle.",
-)
-@click.option("--amplitude", type=NumberRange(20, 500), metavar="US", help="Largest steering offset.")
-@click.option("--ground", type=GroundType(), help="Length and width in m; larger runs are not chosen.")
-@click.option(
-    "--battery",
-    type=NumberRange(0, 100),
-    default=20.0,
-    show_default=True,
-    metavar="PERCENT",
-    help="Drive no further run below this charge, if the rover reports it.",
-)
-@click.option("--limit", "limits", type=LimitType(), multiple=True, help="Limit of the applet, as in `run`.")
-@click.option("--arm", is_flag=True, help="Allow this program to arm and disarm the rover.")
-@click.option(
-    "--throttle",
-    type=click.IntRange(1000, 2000),
-    metavar="US",
-    help="With --arm: allow this program to drive, with at most this throttle PWM.",
-)
-@click.option(
-    "--throw-switch",
-    is_flag=False,
-    flag_value="override",
-    type=click.Choice(TRIGGERS),
-    help="Allow this program to throw the applet's switch, as in `run`.",
-)
-@click.option("--no-log", is_flag=True, help="Do not download the rover's log; diagnose from telemetry.")
-@simulation_options
-@click.option(
-    "--out",
-    type=click.Path(file_okay=False),
-    metavar="DIR",
-    help="Folder; that of an earlier call is continued.",
-)
-@click.option("--json", "as_json", is_flag=True, help="Print investigation.json on stdout.")
+@options
 def investigate(
-    runs: tuple[str, ...],
-    connect: str | None,
-    access: Access,
-    vehicle: str | None,
-    most: int,
-    speed: float,
-    amplitude: float | None,
-    ground: tuple[float, float] | None,
-    battery: float,
-    limits: tuple[tuple[str, float], ...],
-    arm: bool,
-    throttle: int | None,
-    throw_switch: Trigger | None,
-    no_log: bool,
-    out: str | None,
-    as_json: bool,
-    **simulated: Any,
+    recorded: tuple[str, ...] = argument("[RUN]...", nargs=-1),
+    connect: str | None = option(URL_HELP, metavar="URL"),
+    access: Access = ACCESS,
+    vehicle: str | None = option(
+        "Vehicle file (default: the session's, or rover.toml here), or the simulated rover to start.",
+        metavar="FILE|embedded|ardurover",
+    ),
+    runs: int = option("Most runs.", click.IntRange(1, 50), default=6),
+    speed: float = option(
+        "Largest speed; with --throttle, the speed at that throttle.",
+        NumberRange(0.3, 30),
+        "M/S",
+        default=2.4,
+    ),
+    amplitude: float | None = option("Largest steering offset.", NumberRange(20, 500), "US"),
+    ground: tuple[float, float] | None = option(
+        "Length and width in m; larger runs are not chosen.", GroundType()
+    ),
+    battery: float = option(
+        "Drive no further run below this charge, if the rover reports it.",
+        NumberRange(0, 100),
+        "PERCENT",
+        default=20.0,
+    ),
+    limit: tuple[tuple[str, float], ...] = option(
+        "Limit of the applet, as in `run`.", LimitType(), multiple=True
+    ),
+    arm: bool = ARM,
+    throttle: int | None = option(
+        "With --arm: allow this program to drive, with at most this throttle PWM.", THROTTLE_PWM, "US"
+    ),
+    throw_switch: Trigger | None = SWITCH_AS_RUN,
+    no_log: bool = option("Do not download the rover's log; diagnose from telemetry."),
+    simulation: Simulation = SIMULATION,
+    out: str | None = option("Folder; that of an earlier call is continued.", FOLDER),
+    as_json: bool = option("Print investigation.json on stdout.", flag="--json"),
 ) -> None:
     """Drive the smallest first set, diagnose, choose the run that decides best what is open, and repeat.
 
@@ -122,23 +103,23 @@ def investigate(
     """
     from rover_sweep.api.investigation import Bounds
 
-    applet = dict(limits)
+    applet = dict(limit)
     largest = min((v for v in (amplitude, applet.get("pwm_max")) if v is not None), default=None)
     slowest = ABOVE_LEAST * applet.get("v_min", 0.0)
-    bounds = Bounds(most, speed, largest, ground, slowest=slowest)
+    bounds = Bounds(runs, speed, largest, ground, slowest=slowest)
     if vehicle in SIMULATORS:
         from rover_sweep.cli.driving.investigating import investigate_simulated
 
         refuse_on_simulated(connect, arm, throttle)
-        _refuse_runs(runs)
-        investigate_simulated(vehicle or "", bounds, applet, not no_log, out, as_json, **simulated)
+        _refuse_runs(recorded)
+        investigate_simulated(vehicle or "", bounds, applet, not no_log, simulation, out, as_json)
     elif connect:
-        _refuse_runs(runs)
-        refuse_without_simulation(connect, simulated)
+        _refuse_runs(recorded)
+        refuse_without_simulation(connect, simulation)
         allowed = arm, throttle, throw_switch or "pilot"
         _on_rover(connect, access, vehicle, bounds, allowed, applet, battery / 100, not no_log, out, as_json)
     else:
-        _advice(runs, vehicle, bounds, out, as_json)
+        _advice(recorded, vehicle, bounds, out, as_json)
 
 
 def _refuse_runs(runs: tuple[str, ...]) -> None:
@@ -208,7 +189,7 @@ def _on_rover(
     parse_url(connect)
     arm, throttle, trigger = allowed
     extra = ({"gcs": 1.0} if throttle is not None else {}) | limits
-    settings = RunSettings(arm, throttle, trigger, extra, patience=_PILOT_PATIENCE)
+    settings = RunSettings(arm, throttle, trigger, extra, patience=PILOT_PATIENCE)
     plan = SessionPlan((), settings, checked=read(shipped("identification")), logs=logs)
     folder = _folder(out)
     steps_before(folder)
@@ -295,48 +276,30 @@ class PlannedRunType(click.ParamType):
         return f"{value!r} is not a run; {written}"
 
 
-def _run_option(name: str, kind: str, words: str) -> Any:
-    return click.option(name, multiple=True, type=PlannedRunType(kind), help=f"{words}; may be repeated.")
+def _run_option(kind: str, words: str) -> Any:
+    return option(f"{words}; may be repeated.", PlannedRunType(kind), multiple=True)
 
 
 @click.command()
-@click.option(
-    "--vehicle",
-    "vehicle_file",
-    type=click.Path(dir_okay=False),
-    metavar="FILE",
-    help="Vehicle file (default: rover.toml here).",
-)
-@click.option("--have", multiple=True, metavar="RUN", help="A run already driven; may be repeated.")
-@_run_option("--sweep", "sweep", "Sweep with this peak (us) and speed (m/s)")
-@_run_option("--doublet", "doublet", "Doublet")
-@_run_option("--bias-sweep", "bias_sweep", "Sweep about a steering bias, as 100+150@2.4")
-@_run_option("--multisine", "multisine", "Odd/even multisine, which shows harmonics")
-@click.option(
-    "--servo-test",
-    "servo_test",
-    multiple=True,
-    type=NumberRange(1, MOST_US),
-    metavar="US",
-    help="Sweep of this peak on blocks with the wheel angle measured.",
-)
-@click.option("--want", type=EFFECTS, default=(), help="Only these effects must be detected and separated.")
-@reading_options
-@click.option("--json", "as_json", is_flag=True, help="Print the plan as JSON on stdout.")
+@options
 def plan(
-    vehicle_file: str | None,
-    have: tuple[str, ...],
-    sweep: tuple[PlannedRun, ...],
-    doublet: tuple[PlannedRun, ...],
-    bias_sweep: tuple[PlannedRun, ...],
-    multisine: tuple[PlannedRun, ...],
-    servo_test: tuple[float, ...],
-    want: tuple[str, ...],
-    columns: str | None,
-    gyro_filter: float | None,
-    accel_filter: float | None,
-    system: int | None,
-    as_json: bool,
+    vehicle: str | None = option("Vehicle file (default: rover.toml here).", FILE),
+    have: tuple[str, ...] = option("A run already driven; may be repeated.", None, "RUN", multiple=True),
+    sweep: tuple[PlannedRun, ...] = _run_option("sweep", "Sweep with this peak (us) and speed (m/s)"),
+    doublet: tuple[PlannedRun, ...] = _run_option("doublet", "Doublet"),
+    bias_sweep: tuple[PlannedRun, ...] = _run_option(
+        "bias_sweep", "Sweep about a steering bias, as 100+150@2.4"
+    ),
+    multisine: tuple[PlannedRun, ...] = _run_option("multisine", "Odd/even multisine, which shows harmonics"),
+    servo_test: tuple[float, ...] = option(
+        "Sweep of this peak on blocks with the wheel angle measured.",
+        NumberRange(1, MOST_US),
+        "US",
+        multiple=True,
+    ),
+    want: tuple[str, ...] = option("Only these effects must be detected and separated.", EFFECTS, default=()),
+    reading: Reading = READING,
+    as_json: bool = option("Print the plan as JSON on stdout.", flag="--json"),
 ) -> None:
     """Show which effects a set of runs can separate, and propose the runs that tell most.
 
@@ -349,25 +312,24 @@ def plan(
     """
     from rover_sweep.api.diagnosis_input import effects_named
     from rover_sweep.api.investigation import as_planned, merged, plan_runs
-    from rover_sweep.api.read import Reading, load_steered, refuse_overlap
+    from rover_sweep.api.read import load_steered, refuse_overlap
     from rover_sweep.cli.views.asking import long_work
     from rover_sweep.cli.views.output import narration, print_warnings
-    from rover_sweep.data.vehicle_file import load as load_vehicle
+    from rover_sweep.data.vehicle_file import load
     from rover_sweep.diagnosis.plans.planner import PlannedRun
 
     wanted = effects_named(want)
-    vehicle = load_vehicle(Path(vehicle_path(vehicle_file, have)))
-    vehicle.steering()  # raises here if the file has no steering gain, before anything is read
-    reading = Reading(columns, filter_overrides(gyro_filter, accel_filter), system)
-    driven = load_steered(have, vehicle, reading) if have else ()
+    rover = load(Path(vehicle_path(vehicle, have)))
+    rover.steering()  # raises here if the file has no steering gain, before anything is read
+    driven = load_steered(have, rover, reading) if have else ()
     print_warnings(narration(), driven)
     refuse_overlap(driven, ())
     blocks = [PlannedRun("servo_test", amplitude, 0.0) for amplitude in servo_test]
     runs = merged(
-        [*(as_planned(run, vehicle) for run in driven), *sweep, *doublet, *bias_sweep, *multisine, *blocks]
+        [*(as_planned(run, rover) for run in driven), *sweep, *doublet, *bias_sweep, *multisine, *blocks]
     )
     with long_work("computing which effects these runs separate") as report:
-        found = plan_runs(runs, vehicle, wanted, driven, lambda what, share: report(share, what))
+        found = plan_runs(runs, rover, wanted, driven, lambda what, share: report(share, what))
     _show(found, as_json)
 
 

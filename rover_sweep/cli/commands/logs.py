@@ -9,15 +9,25 @@ from typing import TYPE_CHECKING
 
 import click
 
-from rover_sweep.cli.options import filter_overrides, reading_options, refuse_input
-from rover_sweep.cli.vehicle_link import connect_option, json_option, unkept_link, via_option
+from rover_sweep.cli.options import (
+    FILE,
+    FOLDER,
+    READING,
+    argument,
+    check_writable,
+    option,
+    options,
+    refuse_input,
+)
+from rover_sweep.cli.vehicle_link import ACCESS, CONNECT, JSON_ALONE, unkept_link, via_option
 from rover_sweep.errors import UsageError
 
 if TYPE_CHECKING:
+    from rover_sweep.api.read import Reading
     from rover_sweep.vehicle.link.connection import Access
     from rover_sweep.vehicle.logs import FetchedFile, LogEntry, Via
 
-_via = via_option("Library used for the download; the result is the same.")
+_VIA = via_option("Library used for the download; the result is the same.")
 
 
 @click.group()
@@ -26,10 +36,10 @@ def logs() -> None:
 
 
 @logs.command("list", short_help="List the logs on the SD card.")
-@connect_option
-@json_option
-@_via
-def list_(connect: str, access: Access, as_json: bool, via: Via) -> None:
+@options
+def list_(
+    connect: str = CONNECT, access: Access = ACCESS, as_json: bool = JSON_ALONE, via: Via = _VIA
+) -> None:
     """List the logs on the SD card, oldest first."""
     from rover_sweep.cli.views.output import echo_json, results
     from rover_sweep.vehicle.logs import log_source
@@ -47,25 +57,21 @@ def list_(connect: str, access: Access, as_json: bool, via: Via) -> None:
 
 
 @logs.command(short_help="Download logs: a number, latest or all.")
-@click.argument("which", metavar="[NUMBER|latest|all]", default="latest")
-@connect_option
-@click.option(
-    "--out",
-    type=click.Path(file_okay=False),
-    default=".",
-    metavar="DIR",
-    help="Folder to save into. [default: here]",
-)
-@json_option
-@_via
-def fetch(which: str, connect: str, access: Access, out: str, as_json: bool, via: Via) -> None:
+@options
+def fetch(
+    which: str = argument("[NUMBER|latest|all]", default="latest"),
+    connect: str = CONNECT,
+    access: Access = ACCESS,
+    out: str = option("Folder to save into. [default: here]", FOLDER, default="."),
+    as_json: bool = JSON_ALONE,
+    via: Via = _VIA,
+) -> None:
     """Download logs as log<NUMBER>.BIN; a log that is already here is not downloaded again.
 
     latest: the last log that may contain a drive; skips the short log that the autopilot starts after a
     download. An interrupted download continues where it stopped. The size and, if the autopilot has MAVLink
     FTP, the checksum are compared with the file on the card. The rover must be disarmed.
     """
-    from rover_sweep.cli.options import check_writable
     from rover_sweep.cli.views.output import echo, echo_json, results
     from rover_sweep.vehicle.logs import FetchedFile, chosen_logs, log_source, settled
     from rover_sweep.vehicle.logs import fetch as bring
@@ -121,21 +127,11 @@ def _when(entry: LogEntry) -> str:
 
 
 @click.command()
-@click.argument("log", metavar="LOG")
-@reading_options
-@click.option(
-    "--out",
-    type=click.Path(dir_okay=False),
-    metavar="FILE",
-    help="The page, one HTML file. [default: the log's name with .html, here]",
-)
+@options
 def view(
-    log: str,
-    columns: str | None,
-    gyro_filter: float | None,
-    accel_filter: float | None,
-    system: int | None,
-    out: str | None,
+    log: str = argument("LOG"),
+    reading: Reading = READING,
+    out: str | None = option("The page, one HTML file. [default: the log's name with .html, here]", FILE),
 ) -> None:
     """Write a page with the channels of LOG (.BIN, .tlog, .csv): any against time or another.
 
@@ -148,12 +144,11 @@ def view(
     from rover_sweep.report.view.log_page import log_page
 
     page = Path(out or f"{Path(log).stem}.html")
-    refuse_input(str(page), log, columns)
+    refuse_input(str(page), log, reading.columns if isinstance(reading.columns, str) else None)
     if out is None and page.exists() and b"rover-sweep" not in page.read_bytes():
         raise UsageError(f"{page} exists and is no page of this program; give --out FILE")
-    filters = filter_overrides(gyro_filter, accel_filter)
     with long_work(f"reading {Path(log).name}"):
-        logs = read_logs(log, column_map=columns, filters=filters, system=system)
+        logs = read_logs(log, column_map=reading.columns, filters=reading.filters, system=reading.system)
     channels = [
         {**dict(each.signals), **{_steering(s.unit, k): s for k, s in enumerate(each.steering)}}
         for each in logs

@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from rover_sweep.cli.vehicle_link import connect_option, json_option, unkept_link, via_option
+from rover_sweep.cli.options import SESSION, argument, option, options, refuse_no_folder, write_text
+from rover_sweep.cli.vehicle_link import ACCESS, CONNECT, JSON_ALONE, unkept_link, via_option
 from rover_sweep.cli.views.asking import confirmed, reboot_consent
 from rover_sweep.cli.views.output import echo, echo_json
 from rover_sweep.errors import UsageError
@@ -25,8 +26,8 @@ if TYPE_CHECKING:
     from rover_sweep.vehicle.link.link import Link
     from rover_sweep.vehicle.logs import Via
 
-_via = via_option("Library used to read and write; the result is the same.")
-_file = click.argument("file", metavar="[FILE]", default="identification")
+_VIA = via_option("Library used to read and write; the result is the same.")
+_FILE = argument("[FILE]", default="identification")
 _NOTES = Path()  # folder of reboot-pending.json: the current one
 
 
@@ -39,11 +40,14 @@ def params() -> None:
 
 
 @params.command(short_help="Show the differences; changes nothing.")
-@_file
-@connect_option
-@json_option
-@_via
-def diff(file: str, connect: str, access: Access, as_json: bool, via: Via) -> int:
+@options
+def diff(
+    file: str = _FILE,
+    connect: str = CONNECT,
+    access: Access = ACCESS,
+    as_json: bool = JSON_ALONE,
+    via: Via = _VIA,
+) -> int:
     """Compare the rover with FILE. Changes nothing. Exit code 0 if nothing differs, 1 if something does."""
     from rover_sweep.vehicle.parameters import wanted_of
 
@@ -58,12 +62,15 @@ def diff(file: str, connect: str, access: Access, as_json: bool, via: Via) -> in
 
 
 @params.command(short_help="Set the parameters that differ, after asking.")
-@_file
-@connect_option
-@click.option("--yes", is_flag=True, help="Do not ask, not even before a reboot.")
-@json_option
-@_via
-def push(file: str, connect: str, access: Access, yes: bool, as_json: bool, via: Via) -> int:
+@options
+def push(
+    file: str = _FILE,
+    connect: str = CONNECT,
+    access: Access = ACCESS,
+    yes: bool = option("Do not ask, not even before a reboot."),
+    as_json: bool = JSON_ALONE,
+    via: Via = _VIA,
+) -> int:
     """Set the parameters that differ from FILE; every value is read back and compared.
 
     Shows the differences and asks first; asks again before a reboot. After an interruption, run it again: a
@@ -104,13 +111,15 @@ def push(file: str, connect: str, access: Access, yes: bool, as_json: bool, via:
 
 
 @params.command(short_help="Save all parameters of the rover to a file.")
-@click.argument("file", metavar="[FILE]", default="-")
-@connect_option
-@json_option
-@_via
-def pull(file: str, connect: str, access: Access, as_json: bool, via: Via) -> None:
+@options
+def pull(
+    file: str = argument("[FILE]", default="-"),
+    connect: str = CONNECT,
+    access: Access = ACCESS,
+    as_json: bool = JSON_ALONE,
+    via: Via = _VIA,
+) -> None:
     """Save all parameters of the rover to FILE (default: stdout), in the format of the ground stations."""
-    from rover_sweep.cli.options import refuse_no_folder, write_text
     from rover_sweep.vehicle.identity import identify_vehicle
     from rover_sweep.vehicle.logs import parameter_source
     from rover_sweep.vehicle.parameters import await_booted
@@ -193,16 +202,16 @@ _STATES: dict[str, Tone] = {"begun": "", "done": "good", "stopped": "warn", "cut
 
 
 @click.command()
-@click.argument("folder", type=click.Path(exists=True, file_okay=False, path_type=Path))
-@click.option(
-    "--json", "as_json", is_flag=True, help="Print session.json and the remaining runs (to_drive) on stdout."
-)
-def status(folder: Path, as_json: bool) -> None:
+@options
+def status(
+    folder: Path = SESSION,
+    as_json: bool = option("Print session.json and the remaining runs (to_drive) on stdout.", flag="--json"),
+) -> None:
     """Show the driven runs of the session in FOLDER with their verdicts, and the runs that remain.
 
     Changes nothing; the session may be running.
     """
-    from rover_sweep.cli.views.output import echo_json, results
+    from rover_sweep.cli.views.output import results
     from rover_sweep.report.on_terminal import rich_table
     from rover_sweep.session.content import to_json
     from rover_sweep.session.folder import is_session, read_folder

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from rover_sweep.cli.options import NumberRange
-from rover_sweep.cli.vehicle_link import connect_option, json_option, unkept_link
+from rover_sweep.cli.options import FOLDER, POSITIVE, option, options
+from rover_sweep.cli.vehicle_link import ACCESS, CONNECT, JSON_ALONE, unkept_link
 from rover_sweep.cli.views.asking import confirmed
 from rover_sweep.cli.views.output import echo_json
 from rover_sweep.errors import UsageError
@@ -27,37 +27,19 @@ _STYLES = {"good": "green", "doubtful": "yellow", "bad": "red", "unknown": "yell
 
 
 @click.command()
-@connect_option
-@click.option(
-    "--fix",
-    "names",
-    multiple=True,
-    metavar="NAME",
-    help="Fix this check, e.g. --fix parameters; may be repeated.",
-)
-@click.option(
-    "--w-max",
-    type=NumberRange(0, min_open=True),
-    metavar="RAD/S",
-    help="Highest frequency of the planned sweep. [default: the applet's]",
-)
-@click.option(
-    "--out",
-    type=click.Path(file_okay=False),
-    default=".",
-    metavar="DIR",
-    help="Folder for the recordings. [default: here]",
-)
-@click.option("--yes", is_flag=True, help="Do not ask before a change or a reboot.")
-@json_option
+@options
 def preflight(
-    connect: str,
-    access: Access,
-    names: tuple[str, ...],
-    w_max: float | None,
-    out: str,
-    yes: bool,
-    as_json: bool,
+    connect: str = CONNECT,
+    access: Access = ACCESS,
+    fix: tuple[str, ...] = option(
+        "Fix this check, e.g. --fix parameters; may be repeated.", metavar="NAME", multiple=True
+    ),
+    w_max: float | None = option(
+        "Highest frequency of the planned sweep. [default: the applet's]", POSITIVE, "RAD/S"
+    ),
+    out: str = option("Folder for the recordings. [default: here]", FOLDER, default="."),
+    yes: bool = option("Do not ask before a change or a reboot."),
+    as_json: bool = JSON_ALONE,
 ) -> int:
     """Check everything needed before a run: firmware, applet, parameters, rates, filters,
     streams, clock, log, disk, battery, GPS, EKF, radio, switch, mode.
@@ -68,15 +50,15 @@ def preflight(
     from rover_sweep.vehicle.preflight.readiness import NAMES
     from rover_sweep.vehicle.preflight.readiness import preflight as look
 
-    for name in names:
+    for name in fix:
         if name not in NAMES:
             raise UsageError(f"there is no check {name!r}; there are {', '.join(NAMES)}")
-    if names and not yes and not sys.stdin.isatty():
+    if fix and not yes and not sys.stdin.isatty():
         raise UsageError("cannot ask, stdin is not a terminal; give --yes to fix without questions")
     folder = Path(out)
     with unkept_link(connect, access) as link:
         checks = look(link, folder, w_max)
-        for name in names:
+        for name in fix:
             _fix(link, checks, name, folder, yes)
             checks = look(link, folder, w_max)
     if as_json:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from rover_sweep.cli.options import NumberRange
+from rover_sweep.cli.options import ARDUROVER, FILE, POSITIVE, SEED, NumberRange, argument, option, options
 from rover_sweep.errors import UsageError
 
 if TYPE_CHECKING:
@@ -28,43 +28,26 @@ _NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS)
 
 
 @click.command()
-@click.argument("log", metavar="LOG")
-@click.option(
-    "--vehicle",
-    "simulator",
-    default="plant",
-    show_default=True,
-    type=click.Choice(("plant", "embedded", "ardurover")),
-    help="Only the physics, the embedded rover, or the real firmware in SITL with the same physics.",
-)
-@click.option(
-    "--variant",
-    default="nominal",
-    show_default=True,
-    metavar="NAME|FILE",
-    help="Physics of the simulated rover: a name as in dry-run, or a TOML file, whose table "
-    "[effects] adds effects to the nominal physics.",
-)
-@click.option(
-    "--rover-file",
-    type=click.Path(dir_okay=False),
-    metavar="FILE",
-    help="rover.toml; its masses, lengths and steering replace those of the variant.",
-)
-@click.option(
-    "--ardurover",
-    type=click.Path(dir_okay=False),
-    metavar="FILE",
-    help="The ArduRover SITL program (else $ROVER_SWEEP_ARDUROVER, else the PATH).",
-)
-@click.option(
-    "--seed", type=click.IntRange(min=0), default=1, show_default=True, help="Random seed of noise and road."
-)
-@click.option(
-    "--out", type=click.Path(dir_okay=False), metavar="FILE", required=True, help="Recording to write (.BIN)."
-)
+@options
 def redrive(
-    log: str, simulator: str, variant: str, rover_file: str | None, ardurover: str | None, seed: int, out: str
+    log: str = argument("LOG"),
+    vehicle: str = option(
+        "Only the physics, the embedded rover, or the real firmware in SITL with the same physics.",
+        click.Choice(("plant", "embedded", "ardurover")),
+        default="plant",
+    ),
+    variant: str = option(
+        "Physics of the simulated rover: a name as in dry-run, or a TOML file, whose table "
+        "[effects] adds effects to the nominal physics.",
+        metavar="NAME|FILE",
+        default="nominal",
+    ),
+    rover_file: str | None = option(
+        "rover.toml; its masses, lengths and steering replace those of the variant.", FILE
+    ),
+    ardurover: str | None = ARDUROVER,
+    seed: int = SEED,
+    out: str = option("Recording to write (.BIN).", FILE, required=True),
 ) -> None:
     """Repeat LOG in a simulation: the same steering PWM at the same times, at the same speed.
 
@@ -83,16 +66,14 @@ def redrive(
 
     target = _target(out, log)
     parameters = simulated_rover(variant, rover_file)
-    if simulator != "plant":
-        refuse_instant(parameters, simulator)
+    if vehicle != "plant":
+        refuse_instant(parameters, vehicle)
     runs = _runs(log)
     course = course_of(_one_log(log))
     console = narration()
-    console.print(
-        f"{simulator}, {described(parameters, variant, rover_file)}", highlight=False, soft_wrap=True
-    )
+    console.print(f"{vehicle}, {described(parameters, variant, rover_file)}", highlight=False, soft_wrap=True)
     with _complete_file(target) as made:
-        if simulator == "plant":
+        if vehicle == "plant":
             from sitl.redrive.open_loop import redrive as drive
 
             try:
@@ -103,7 +84,7 @@ def redrive(
             from rover_sweep.redrive.on_autopilot import drive_course
 
             binary = Path(ardurover) if ardurover else None
-            for line in drive_course(course, parameters, made, simulator, binary, seed):
+            for line in drive_course(course, parameters, made, vehicle, binary, seed):
                 console.print(line, soft_wrap=True, markup=False)
     _show_speeds(runs, target)
 
@@ -182,23 +163,22 @@ def _show_speeds(runs: Sequence[Recording], target: Path) -> None:
 
 
 @click.command()
-@click.argument("log", type=click.Path(), metavar="LOG")
-@click.option(
-    "--speed",
-    type=NumberRange(0, min_open=True),
-    metavar="X",
-    help="Playback speed, times real time. [default: 1 on the screen, unlimited as text]",
-)
-@click.option(
-    "--from",
-    "start",
-    type=NumberRange(0),
-    default=0.0,
-    metavar="S",
-    help="Start this many seconds into the recording.",
-)
-@click.option("--text", is_flag=True, help="Plain text (default when not in a terminal).")
-def replay(log: str, speed: float | None, start: float, text: bool) -> None:
+@options
+def replay(
+    log: str = argument("LOG", type=click.Path()),
+    speed: float | None = option(
+        "Playback speed, times real time. [default: 1 on the screen, unlimited as text]", POSITIVE, "X"
+    ),
+    start: float = option(
+        "Start this many seconds into the recording.",
+        NumberRange(0),
+        "S",
+        "--from",
+        default=0.0,
+        show_default=False,
+    ),
+    text: bool = option("Plain text (default when not in a terminal)."),
+) -> None:
     """Play a .tlog or .BIN on the screen of `session`, with its runs and their verdicts.
 
     Finds runs steered by the applet and by hand. No vehicle is contacted.

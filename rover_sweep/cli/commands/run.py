@@ -4,20 +4,32 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
-from rover_sweep.cli.driving.job import TRIGGERS, Job, announce, diagnose_session, folder_for
+from rover_sweep.cli.driving.job import Job, announce, diagnose_session, folder_for
 from rover_sweep.cli.driving.simulated import (
+    SIMULATION,
     SIMULATORS,
+    Simulation,
     on_simulated,
     refuse_on_simulated,
     refuse_without_simulation,
-    simulation_options,
 )
-from rover_sweep.cli.options import output_options, vehicle_path
-from rover_sweep.cli.vehicle_link import URL_HELP, LimitType, ManoeuvreType, access_options, connect_option
+from rover_sweep.cli.options import AS_JSON, FOLDER, FULL, SESSION, VEHICLE, option, options, vehicle_path
+from rover_sweep.cli.vehicle_link import (
+    ACCESS,
+    ARM,
+    CONNECT,
+    LIMIT_SET,
+    PILOT_PATIENCE,
+    SWITCH_AS_RUN,
+    THROTTLE,
+    URL_HELP,
+    ManoeuvreType,
+    throw_switch_option,
+)
 from rover_sweep.errors import UsageError
 from rover_sweep.manoeuvre.multisine import Multisine
 from rover_sweep.manoeuvre.sweep import BiasSweep, Doublet, Sweep, ThrottleSweep
@@ -33,103 +45,55 @@ if TYPE_CHECKING:
     from rover_sweep.vehicle.link.connection import Access
     from rover_sweep.vehicle.run.controls import RunSettings, Trigger
 
-_PILOT_PATIENCE = 900.0  # s to wait for the pilot to arm, throw the switch, or disarm at the end
+
+_THROW_SWITCH = throw_switch_option(
+    "Allow this program to throw the applet's switch: by RC override (default) or by "
+    "MAV_CMD_DO_AUX_FUNCTION (aux); pilot: not allowed."
+)
 
 
 @click.command()
-@click.option("--connect", metavar="URL", help=URL_HELP)
-@access_options
-@click.option(
-    "--vehicle",
-    metavar="FILE|embedded|ardurover",
-    help="Vehicle file (default: rover.toml here), or the simulated rover to start.",
-)
-@click.option(
-    "--sweep",
-    "sweeps",
-    type=ManoeuvreType(Sweep),
-    multiple=True,
-    help="Sweep in us, rad/s, s; or by name, e.g. 150,wmax=20. May be repeated.",
-)
-@click.option(
-    "--doublet",
-    "doublets",
-    type=ManoeuvreType(Doublet),
-    multiple=True,
-    help="Doublet in us and s, to verify the models. May be repeated.",
-)
-@click.option(
-    "--multisine",
-    "multisines",
-    type=ManoeuvreType(Multisine),
-    multiple=True,
-    help="Multisine: peak in us, rad/s, s; shows 2nd and 3rd harmonics. May be repeated.",
-)
-@click.option(
-    "--bias-sweep",
-    "bias_sweeps",
-    type=ManoeuvreType(BiasSweep),
-    multiple=True,
-    help="Sweep about a steering offset in us, e.g. 80,100. May be repeated.",
-)
-@click.option(
-    "--throttle-sweep",
-    "throttle_sweeps",
-    type=ManoeuvreType(ThrottleSweep),
-    multiple=True,
-    help="Sweep of the throttle about the pilot's, in us, rad/s, s, for the speed gains. May be repeated.",
-)
-@click.option(
-    "--limit",
-    "limits",
-    type=LimitType(),
-    multiple=True,
-    help="Limit of the applet, e.g. v_max=3. [default: as set on the rover]",
-)
-@click.option("--arm", is_flag=True, help="Allow this program to arm and disarm the rover.")
-@click.option(
-    "--throttle",
-    type=click.IntRange(1000, 2000),
-    metavar="US",
-    help="With --arm: allow this program to drive, with this throttle PWM.",
-)
-@click.option(
-    "--throw-switch",
-    is_flag=False,
-    flag_value="override",
-    type=click.Choice(TRIGGERS),
-    help="Allow this program to throw the applet's switch: by RC override (default) or by "
-    "MAV_CMD_DO_AUX_FUNCTION (aux); pilot: not allowed.",
-)
-@click.option("--no-log", is_flag=True, help="Do not download the rover's log; identify from telemetry.")
-@click.option("--diagnose", is_flag=True, help="Run `diagnose` on the runs at the end.")
-@simulation_options
-@click.option(
-    "--out",
-    type=click.Path(file_okay=False),
-    metavar="DIR",
-    help="Folder for recordings and report. [default: run, else run-2, ...]",
-)
-@output_options
+@options
 def run(
-    connect: str | None,
-    access: Access,
-    vehicle: str | None,
-    sweeps: tuple[Sweep, ...],
-    doublets: tuple[Doublet, ...],
-    multisines: tuple[Multisine, ...],
-    bias_sweeps: tuple[BiasSweep, ...],
-    throttle_sweeps: tuple[ThrottleSweep, ...],
-    limits: tuple[tuple[str, float], ...],
-    arm: bool,
-    throttle: int | None,
-    throw_switch: Trigger | None,
-    no_log: bool,
-    diagnose: bool,
-    out: str | None,
-    as_json: bool,
-    full: bool,
-    **simulated: Any,
+    connect: str | None = option(URL_HELP, metavar="URL"),
+    access: Access = ACCESS,
+    vehicle: str | None = option(
+        "Vehicle file (default: rover.toml here), or the simulated rover to start.",
+        metavar="FILE|embedded|ardurover",
+    ),
+    sweep: tuple[Sweep, ...] = option(
+        "Sweep in us, rad/s, s; or by name, e.g. 150,wmax=20. May be repeated.",
+        ManoeuvreType(Sweep),
+        multiple=True,
+    ),
+    doublet: tuple[Doublet, ...] = option(
+        "Doublet in us and s, to verify the models. May be repeated.", ManoeuvreType(Doublet), multiple=True
+    ),
+    multisine: tuple[Multisine, ...] = option(
+        "Multisine: peak in us, rad/s, s; shows 2nd and 3rd harmonics. May be repeated.",
+        ManoeuvreType(Multisine),
+        multiple=True,
+    ),
+    bias_sweep: tuple[BiasSweep, ...] = option(
+        "Sweep about a steering offset in us, e.g. 80,100. May be repeated.",
+        ManoeuvreType(BiasSweep),
+        multiple=True,
+    ),
+    throttle_sweep: tuple[ThrottleSweep, ...] = option(
+        "Sweep of the throttle about the pilot's, in us, rad/s, s, for the speed gains. May be repeated.",
+        ManoeuvreType(ThrottleSweep),
+        multiple=True,
+    ),
+    limit: tuple[tuple[str, float], ...] = LIMIT_SET,
+    arm: bool = ARM,
+    throttle: int | None = THROTTLE,
+    throw_switch: Trigger | None = _THROW_SWITCH,
+    no_log: bool = option("Do not download the rover's log; identify from telemetry."),
+    diagnose: bool = option("Run `diagnose` on the runs at the end."),
+    simulation: Simulation = SIMULATION,
+    out: str | None = option("Folder for recordings and report. [default: run, else run-2, ...]", FOLDER),
+    as_json: bool = AS_JSON,
+    full: bool = FULL,
 ) -> None:
     """Drive sweeps and doublets on a rover, record them, check their quality, and identify models.
 
@@ -147,16 +111,16 @@ def run(
     """
     from rover_sweep.cli.driving.session_display import identify_session
 
-    runs = _planned(sweeps, multisines, bias_sweeps, doublets, throttle_sweeps)
-    job = Job(runs, dict(limits), throw_switch, not no_log)
+    runs = _planned(sweep, multisine, bias_sweep, doublet, throttle_sweep)
+    job = Job(runs, dict(limit), throw_switch, not no_log)
     if vehicle in SIMULATORS:
         refuse_on_simulated(connect, arm, throttle)
-        rover, session, more = on_simulated(job, vehicle, out, **simulated)
+        rover, session, more = on_simulated(job, vehicle, out, simulation)
     else:
-        refuse_without_simulation(connect, simulated)
+        refuse_without_simulation(connect, simulation)
         rover, session, more = *_on_rover(job, connect or "", access, vehicle, out, arm, throttle), None
     identify_session(session, rover, as_json, full, more)
-    if diagnose and len(throttle_sweeps) < len(runs):
+    if diagnose and len(throttle_sweep) < len(runs):
         diagnose_session(session, rover)
 
 
@@ -184,7 +148,7 @@ def _on_rover(
     vehicle.steering()
     parse_url(connect)
     extra = ({"gcs": 1.0} if throttle is not None else {}) | job.limits
-    settings = RunSettings(arm, throttle, job.trigger or "pilot", extra, patience=_PILOT_PATIENCE)
+    settings = RunSettings(arm, throttle, job.trigger or "pilot", extra, patience=PILOT_PATIENCE)
     plan = SessionPlan(job.runs, settings, checked=read(shipped("identification")), logs=job.logs)
     for planned in plan.runs:
         parameters_of(planned.manoeuvre, **extra)
@@ -231,47 +195,19 @@ def _asking(settings: RunSettings) -> Callable[[PlainDisplay, Event], None]:
 # `rover-sweep resume`: drive the remaining runs of a session, as `run` does, into the same folder.
 
 
-# s, as `run` waits for the pilot
-
-
 @click.command()
-@click.argument("folder", type=click.Path(exists=True, file_okay=False, path_type=Path))
-@connect_option
-@click.option(
-    "--vehicle",
-    "vehicle_file",
-    type=click.Path(dir_okay=False),
-    metavar="FILE",
-    help="Vehicle file (default: the session's, or rover.toml here).",
-)
-@click.option("--arm", is_flag=True, help="Allow this program to arm and disarm the rover.")
-@click.option(
-    "--throttle",
-    type=click.IntRange(1000, 2000),
-    metavar="US",
-    help="With --arm: allow this program to drive, with this throttle PWM.",
-)
-@click.option(
-    "--throw-switch",
-    is_flag=False,
-    flag_value="override",
-    type=click.Choice(TRIGGERS),
-    default="pilot",
-    help="Allow this program to throw the applet's switch, as in `run`.",
-)
-@click.option("--no-log", is_flag=True, help="Do not download the rover's log.")
-@output_options
+@options
 def resume(
-    folder: Path,
-    connect: str,
-    access: Access,
-    vehicle_file: str | None,
-    arm: bool,
-    throttle: int | None,
-    throw_switch: Trigger,
-    no_log: bool,
-    as_json: bool,
-    full: bool,
+    folder: Path = SESSION,
+    connect: str = CONNECT,
+    access: Access = ACCESS,
+    vehicle: str | None = VEHICLE,
+    arm: bool = ARM,
+    throttle: int | None = THROTTLE,
+    throw_switch: Trigger | None = SWITCH_AS_RUN,
+    no_log: bool = option("Do not download the rover's log."),
+    as_json: bool = AS_JSON,
+    full: bool = FULL,
 ) -> None:
     """Drive the remaining runs of the session in FOLDER, and identify models from all its runs.
 
@@ -285,22 +221,15 @@ def resume(
     from rover_sweep.session.session import drive
     from rover_sweep.vehicle.link.transport import parse_url
 
-    path = Path(vehicle_path(vehicle_file, (str(folder),)))
-    vehicle = load(path)
-    vehicle.steering()
+    path = Path(vehicle_path(vehicle, (str(folder),)))
+    rover = load(path)
+    rover.steering()
     parse_url(connect)
-    plan = _plan(read_folder(folder), folder, arm, throttle, throw_switch, not no_log)
-
-    def answer(display: PlainDisplay, event: Event) -> None:
-        from rover_sweep.vehicle.events import RunStarted
-
-        if isinstance(event, RunStarted) and arm and sys.stdin.isatty():
-            display.ask(f"{event.name} arms the rover: is the area clear? y starts the run, Ctrl-C stops")
-
+    plan = _plan(read_folder(folder), folder, arm, throttle, throw_switch or "pilot", not no_log)
     announce(plan, folder)
     events = drive(connect, folder, plan, vehicle_file=path, access=access)
-    session = show_session(events, folder, talk=True, go_on=True, answer=answer)
-    identify_session(session, (vehicle, path), as_json, full)
+    session = show_session(events, folder, talk=True, go_on=True, answer=_asking(plan.settings))
+    identify_session(session, (rover, path), as_json, full)
 
 
 def _plan(
@@ -315,7 +244,7 @@ def _plan(
     if not content.to_drive:
         raise UsageError(f"no runs remain in {folder}; identify models with: rover-sweep identify {folder}")
     extra = dict(content.settings.get("extra", {})) | ({"gcs": 1.0} if throttle is not None else {})
-    settings = RunSettings(arm, throttle, trigger, extra, patience=_PILOT_PATIENCE)
+    settings = RunSettings(arm, throttle, trigger, extra, patience=PILOT_PATIENCE)
     for planned in content.to_drive:
         parameters_of(planned.manoeuvre, **extra)
     return SessionPlan(content.plan, settings, checked=read(shipped("identification")), logs=logs)

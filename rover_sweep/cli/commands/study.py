@@ -6,27 +6,22 @@ from pathlib import Path
 
 import click
 
+from rover_sweep.cli.options import FOLDER, SEED, check_writable, option, options
+
 
 @click.command()
-@click.option(
-    "--out",
-    required=True,
-    type=click.Path(file_okay=False),
-    metavar="DIR",
-    help="Folder for tables, figures and page; created if missing.",
-)
-@click.option(
-    "--seed", type=click.IntRange(0), default=1, show_default=True, help="Random seed of noise and road."
-)
-@click.option("--json", "as_json", is_flag=True, help="Print study.json on stdout; tables go to stderr.")
-def study(out: str, seed: int, as_json: bool) -> None:
+@options
+def study(
+    out: str = option("Folder for tables, figures and page; created if missing.", FOLDER, required=True),
+    seed: int = SEED,
+    as_json: bool = option("Print study.json on stdout; tables go to stderr.", flag="--json"),
+) -> None:
     """Repeat the comparison of Ivler, Gowans and Marfise (2022) on a virtual rover with their numbers.
 
     Drives the sweeps of Table 1 and doublets on asphalt, on artificial grass and at 4 m/s, and identifies
     the bicycle, roll-yaw and lumped models. Compares Tables 2 to 7 and Figures 2, 3, 6, 7 and 8 with the
     published ones and comments on each finding. No hardware; about half a minute.
     """
-    from rover_sweep.cli.options import check_writable
     from rover_sweep.cli.views.asking import long_work
     from rover_sweep.cli.views.output import echo_json, results
     from rover_sweep.report.on_terminal import on_terminal

@@ -9,6 +9,7 @@ from typing import get_args
 
 import click
 
+from rover_sweep.cli.options import FILE, argument, option, options
 from rover_sweep.cli.views.output import echo, echo_json, results
 from rover_sweep.data.plausibility import implausible
 from rover_sweep.data.vehicle_file import Measured, Model, Vehicle, example, load
@@ -43,9 +44,11 @@ def vehicle(ctx: click.Context, show_example: bool) -> None:
 
 
 @vehicle.command(short_help="Check FILE and show which models it is sufficient for.")
-@click.argument("file", type=click.Path(dir_okay=False))
-@click.option("--json", "as_json", is_flag=True, help="Print the numbers as JSON on stdout.")
-def check(file: str, as_json: bool) -> None:
+@options
+def check(
+    file: str = argument(type=FILE),
+    as_json: bool = option("Print the numbers as JSON on stdout.", flag="--json"),
+) -> None:
     """Read FILE, show its values, their standard deviations and the models for which they are sufficient.
 
     Reports all problems at once, implausible values too; exit code 2 if there are any.

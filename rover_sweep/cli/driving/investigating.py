@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from rover_sweep.api.diagnosis_input import Material
     from rover_sweep.api.investigation import Bounds, Decision, RunDriver
     from rover_sweep.cli.driving.session_display import OneByOne
+    from rover_sweep.cli.driving.simulated import Simulation
     from rover_sweep.data.vehicle_file import Vehicle
     from rover_sweep.diagnosis.result import Diagnosis
     from rover_sweep.session.simulated_rover import SimulatedRover
@@ -62,13 +63,11 @@ def diagnosing(vehicle: Vehicle) -> Callable[[Material], Diagnosis]:
     """A diagnosis with its progress on stderr."""
 
     def diagnose(given: Material) -> Diagnosis:
-        from rover_sweep.api.diagnosis_input import diagnosed
-        from rover_sweep.cli.views.asking import long_work
+        from rover_sweep.cli.driving.shown_results import diagnosis_of
         from rover_sweep.diagnosis.result import DiagnosisSettings
 
         names = ", ".join(run.name for run in (*given.runs, *given.held_out))
-        with long_work(f"diagnosing {names}") as report:
-            return diagnosed(given, vehicle, DiagnosisSettings(), lambda what, share: report(share, what))
+        return diagnosis_of(given, vehicle, DiagnosisSettings(), what=f"diagnosing {names}")
 
     return diagnose
 
@@ -119,36 +118,20 @@ def investigate_simulated(
     bounds: Bounds,
     limits: dict[str, float],
     logs: bool,
+    options: Simulation,
     out: str | None,
     as_json: bool,
-    *,
-    physics: str,
-    ardurover: str | None,
-    variant: str,
-    seed: int,
-    rover_file: str | None,
 ) -> None:
     """Start the simulated rover, install applet and parameters, and investigate it.
 
     UsageError for the firmware's own physics, which has no tyres and no roll.
     """
-    from rover_sweep.cli.driving.simulated import rover_text, vehicle_in
-    from rover_sweep.cli.options import session_folder
-    from rover_sweep.session.simulated_rover import SimulatedRover
+    from rover_sweep.cli.driving.simulated import folder_with_rover
 
-    if physics == "own":
+    if options.physics == "own":
         raise UsageError("the firmware's own rover is kinematic: there is nothing to investigate")
-    simulation = SimulatedRover(
-        "ardurover" if simulator == "ardurover" else "embedded",
-        Path(ardurover) if ardurover else None,
-        "plant",
-        variant,
-        seed,
-        prepared=False,
-    )
-    text = None if rover_file else rover_text(variant)
-    folder = session_folder(out, "investigation", also=() if rover_file else ("rover.toml",))
-    rover = vehicle_in(folder, rover_file, text)
+    simulation = options.rover(simulator)
+    folder, rover = folder_with_rover(out, "investigation", options.rover_file, options.variant)
     allowed = replace(bounds, speed=min(bounds.speed, SPEED), headings=False)
     with simulated_driver(simulation, folder, rover, limits, logs) as driver:
         show_investigation(driver, rover, allowed, folder, as_json)

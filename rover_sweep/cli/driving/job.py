@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from rover_sweep.vehicle.events import SessionFinished
     from rover_sweep.vehicle.run.controls import Trigger
 
-TRIGGERS = ("override", "aux", "pilot")
 _SWITCHING = {"override": "throws the switch", "aux": "throws the switch by command"}
 
 

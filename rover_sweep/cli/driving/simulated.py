@@ -7,18 +7,19 @@ arms and drives it without asking.
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, replace
 from itertools import takewhile
 from math import radians, sin
 from pathlib import Path
 from textwrap import wrap
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
 from rover_sweep.cli.driving.job import Job, announce
+from rover_sweep.cli.options import ARDUROVER, FILE, option, session_folder, together
 from rover_sweep.errors import UsageError, missing_extra
 
 if TYPE_CHECKING:
@@ -29,7 +30,7 @@ if TYPE_CHECKING:
     from rover_sweep.identification.pipeline import Identification
     from rover_sweep.report.document import Table
     from rover_sweep.session.session import SessionPlan
-    from rover_sweep.session.simulated_rover import SimulatedRover
+    from rover_sweep.session.simulated_rover import Physics, SimulatedRover, Simulator
     from rover_sweep.vehicle.events import Event, SessionFinished
     from sitl.plant.variant import PlantParameters
 
@@ -39,6 +40,7 @@ if TYPE_CHECKING:
 
 
 SIMULATORS = ("embedded", "ardurover")
+_DEFAULTS = {"physics": "plant", "variant": "nominal", "seed": 1}
 
 
 def variants() -> tuple[str, ...]:
@@ -63,8 +65,6 @@ def firmware_rover_text() -> str:
     """rover.toml of ArduPilot's own simulated rover (SIM_Rover.h, 4.6.3): 35 deg of steering at 500 us, and
     the wheelbase that follows from its turning circle of 1.8 m. It has no tyres and no body, so the masses
     (those of the nominal plant) do not affect the identified model."""
-    from dataclasses import replace
-
     from sitl.plant.variant import load_variant
     from sitl.rover_file import rover_file
 
@@ -78,14 +78,22 @@ def firmware_rover_text() -> str:
     return rover_file(own, "of the firmware")
 
 
-def vehicle_in(folder: Path, rover_file: str | None, text: str | None) -> tuple[Vehicle, Path]:
-    """(vehicle, path) of the given file, else of the text, written into the folder."""
+def folder_with_rover(
+    out: str | None, name: str, rover_file: str | None, variant: str | None
+) -> tuple[Path, tuple[Vehicle, Path]]:
+    """(a new session's folder, (vehicle, its file)): the given file, else one of the variant, in the folder.
+
+    variant: None for the firmware's own rover. out, name: as in `session_folder`.
+    """
     from rover_sweep.data.vehicle_file import load
 
-    path = Path(rover_file) if rover_file else folder / "rover.toml"
-    if text is not None:
-        path.write_text(text, encoding="utf-8")
-    return load(path), path
+    if rover_file:
+        return session_folder(out, name), (load(rover_file), Path(rover_file))
+    text = rover_text(variant) if variant else firmware_rover_text()
+    folder = session_folder(out, name, also=("rover.toml",))
+    path = folder / "rover.toml"
+    path.write_text(text, encoding="utf-8")
+    return folder, (load(path), path)
 
 
 def truth_view(variant: str) -> Callable[[Identification], Table | None]:
@@ -254,45 +262,38 @@ def _read(path: Path, source: str) -> ExportedRover:
 
 _LIMITS = {"gcs": 1.0, "v_min": 1.0, "v_max": 5.0}
 _PWM_MAX = 250.0  # us, default of SWP_PWM_MAX
-_DEFAULTS = {"physics": "plant", "variant": "nominal", "seed": 1}
 
 
-def simulation_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """--physics, --ardurover, --variant, --seed and --rover-file, of a rover that is simulated."""
-    for decorate in (
-        click.option(
-            "--rover-file",
-            type=click.Path(dir_okay=False),
-            metavar="FILE",
-            help="Simulated rover: vehicle file to use instead of the true one.",
-        ),
-        click.option(
-            "--seed",
-            type=click.IntRange(min=0),
-            default=_DEFAULTS["seed"],
-            help="Simulated rover: random seed of noise and road. [default: 1]",
-        ),
-        click.option(
-            "--variant",
-            default=_DEFAULTS["variant"],
-            metavar="NAME|FILE",
-            help=f"Simulated rover: physics; {', '.join(variants())}, or a TOML file. [default: nominal]",
-        ),
-        click.option(
-            "--ardurover",
-            type=click.Path(dir_okay=False),
-            metavar="FILE",
-            help="The ArduRover SITL program (else $ROVER_SWEEP_ARDUROVER, else the PATH).",
-        ),
-        click.option(
-            "--physics",
-            type=click.Choice(("plant", "own")),
-            default=_DEFAULTS["physics"],
-            help="Physics for the firmware: our plant, or the firmware's own rover. [default: plant]",
-        ),
-    ):
-        command = decorate(command)
-    return command
+@dataclass(frozen=True)
+class Simulation:
+    """The options of a rover that is simulated."""
+
+    physics: Physics = option(
+        "Physics for the firmware: our plant, or the firmware's own rover. [default: plant]",
+        click.Choice(("plant", "own")),
+        default="plant",
+    )
+    ardurover: str | None = ARDUROVER
+    variant: str = option(
+        f"Simulated rover: physics; {', '.join(variants())}, or a TOML file. [default: nominal]",
+        metavar="NAME|FILE",
+        default="nominal",
+    )
+    seed: int = option(
+        "Simulated rover: random seed of noise and road. [default: 1]", click.IntRange(min=0), default=1
+    )
+    rover_file: str | None = option("Simulated rover: vehicle file to use instead of the true one.", FILE)
+
+    def rover(self, simulator: str) -> SimulatedRover:
+        """The rover to start, with factory settings."""
+        from rover_sweep.session.simulated_rover import SimulatedRover
+
+        kind: Simulator = "ardurover" if simulator == "ardurover" else "embedded"
+        binary = Path(self.ardurover) if self.ardurover else None
+        return SimulatedRover(kind, binary, self.physics, self.variant, self.seed, prepared=False)
+
+
+SIMULATION = together(Simulation)
 
 
 def refuse_on_simulated(connect: str | None, arm: bool, throttle: int | None) -> None:
@@ -303,47 +304,30 @@ def refuse_on_simulated(connect: str | None, arm: bool, throttle: int | None) ->
         raise UsageError("a simulated rover is always armed and driven; remove --arm and --throttle")
 
 
-def refuse_without_simulation(connect: str | None, options: Mapping[str, Any]) -> None:
+def refuse_without_simulation(connect: str | None, simulation: Simulation) -> None:
     """UsageError for options of a simulated rover without one, and for no rover at all."""
     if not connect:
         raise UsageError(
             "no rover: give --connect URL, or --vehicle embedded or ardurover for a simulated one"
         )
-    for name, value in options.items():
+    for name, value in asdict(simulation).items():
         if value != _DEFAULTS.get(name):
             raise UsageError(f"--{name.replace('_', '-')} is for --vehicle embedded or ardurover")
 
 
 def on_simulated(
-    job: Job,
-    simulator: str,
-    out: str | None,
-    *,
-    physics: str,
-    ardurover: str | None,
-    variant: str,
-    seed: int,
-    rover_file: str | None,
+    job: Job, simulator: str, out: str | None, options: Simulation
 ) -> tuple[tuple[Vehicle, Path], SessionFinished, Numbers | None]:
     """Drive the job on a simulated rover; (vehicle and its file, session, view of the true parameters)."""
     from rover_sweep.cli.driving.session_display import show_session
-    from rover_sweep.cli.options import session_folder
     from rover_sweep.session.session import drive
-    from rover_sweep.session.simulated_rover import SimulatedRover, pilot, started
+    from rover_sweep.session.simulated_rover import pilot, started
     from rover_sweep.vehicle.link.recorded_transport import RecordedLine, conversation_in
 
-    simulation = SimulatedRover(
-        "ardurover" if simulator == "ardurover" else "embedded",
-        Path(ardurover) if ardurover else None,
-        "own" if physics == "own" else "plant",
-        variant,
-        seed,
-        prepared=False,
-    )
+    simulation = options.rover(simulator)
     plan = _plan(job, simulation)
-    text = None if rover_file else firmware_rover_text() if physics == "own" else rover_text(variant)
-    folder = session_folder(out, "run", also=() if rover_file else ("rover.toml",))
-    rover = vehicle_in(folder, rover_file, text)
+    variant = None if options.physics == "own" else options.variant
+    folder, rover = folder_with_rover(out, "run", options.rover_file, variant)
     announce(plan, folder)
     with ExitStack() as stack:
         running = stack.enter_context(started(simulation, folder / "vehicle"))
@@ -358,7 +342,7 @@ def on_simulated(
         session = show_session(
             drive(running.connection, folder, plan, line), folder, go_on=True, answer=answer
         )
-    return rover, session, None if physics == "own" else truth_view(variant)
+    return rover, session, truth_view(variant) if variant else None
 
 
 def _plan(job: Job, simulation: SimulatedRover) -> SessionPlan:
