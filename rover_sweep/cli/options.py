@@ -66,7 +66,7 @@ def argument(metavar: str | None = None, **settings: Any) -> Any:
     return _Declared(lambda name, _: click.argument(name, metavar=metavar, **settings))
 
 
-def together(make: Callable[..., Any]) -> Any:
+def gathered(make: Callable[..., Any]) -> Any:
     """A value made of several options, which are the defaults of the parameters of `make`.
 
     A parameter without a default gets the option of that name which the command has besides.
@@ -235,7 +235,7 @@ def _reading(
     return Reading(columns, {k: v for k, v in filters.items() if v is not None} or None, system)
 
 
-READING = together(_reading)
+READING = gathered(_reading)
 
 
 def vehicle_path(given: str | None, runs: Sequence[str] = ()) -> str:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from rover_sweep.cli.options import FILE, option, together
+from rover_sweep.cli.options import FILE, gathered, option
 from rover_sweep.cli.views.asking import chosen_of
 from rover_sweep.cli.views.output import echo, narration
 from rover_sweep.errors import UsageError
@@ -48,7 +48,7 @@ def _access(
     return Access(system, choose, _warn, read_key(Path(signing_key)) if signing_key else None)
 
 
-ACCESS = together(_access)
+ACCESS = gathered(_access)
 
 
 def _ask_system(heard: Sequence[Heard]) -> int:
@@ -59,7 +59,7 @@ def _ask_system(heard: Sequence[Heard]) -> int:
 
 
 def _warn(sentence: str) -> None:
-    narration().print(sentence, style="yellow", markup=False, soft_wrap=True)
+    narration().print(sentence, style="yellow", soft_wrap=True)
 
 
 # Manoeuvres and limits on the command line: 150 or 150,0.3,25,55 or 150,wmax=20; roll_max=20.

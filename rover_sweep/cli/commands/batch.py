@@ -76,7 +76,7 @@ def batch(
     page = write_season(found, values, pages, folder, parquet)
     shown = results(as_json)
     shown.print(on_terminal(season_report(found)))
-    shown.print(f"report: {page}", markup=False, soft_wrap=True)
+    shown.print(f"report: {page}", soft_wrap=True)
     if as_json:
         echo_json(season_document(found))
 

@@ -72,7 +72,7 @@ def bench(
     rover-sweep bench --connect /dev/ttyUSB0,57600 --vehicle rover.toml --hand --steps 100,200,300
     rover-sweep bench --from bench --vehicle rover.toml --wheel-imu wheel.csv
     """
-    from rover_sweep.bench.bench_folder import BenchFolder
+    from rover_sweep.bench.bench_folder import BenchFolder, write_bench_numbers
     from rover_sweep.data.vehicle_file import load
 
     path = Path(vehicle_path(vehicle))
@@ -92,7 +92,7 @@ def bench(
         whole = _driven(connect, access, folder, plan)
     given = Path(wheel_imu) if recorded is not None and wheel_imu else None
     result = _evaluated(folder, path, given, wheel_clock, whole)
-    written = {} if no_write else _write(path, result)
+    written = {} if no_write else write_bench_numbers(path, result)
     (_print_json if as_json else _print)(result, written, folder, path)
 
 
@@ -148,12 +148,6 @@ def _evaluated(
     if not whole:
         echo("not all movements were carried out; evaluating the recorded ones", err=True)
     return evaluate(folder, load(vehicle), wheel, None if clock is None else clock == "vehicle")
-
-
-def _write(path: Path, result: BenchResult) -> dict[str, Measured]:
-    from rover_sweep.bench.bench_folder import write_bench_numbers
-
-    return write_bench_numbers(path, result)
 
 
 def _print(result: BenchResult, written: dict[str, Measured], folder: BenchFolder, path: Path) -> None:

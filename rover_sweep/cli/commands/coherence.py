@@ -78,12 +78,12 @@ def show_coherence(verdict: CoherenceVerdict, warnings: Sequence[str] = ()) -> N
     sentence = (verdict.sentence, "green" if verdict.keep else "yellow")
     console.print(Text.assemble((verdict.run, "bold"), ": ", sentence), soft_wrap=True)
     for warning in warnings:
-        console.print(f"warning: {warning}", style="yellow", highlight=False, soft_wrap=True, markup=False)
+        console.print(f"warning: {warning}", style="yellow", soft_wrap=True)
     if verdict.outputs:
         console.print(rich_table(_band_table(verdict), titled=False))
     if verdict.next.bands:
         words = f"next amplitude: {verdict.next.sentence}"
-        console.print(words, highlight=False, soft_wrap=True, markup=False)
+        console.print(words, soft_wrap=True)
         console.print(rich_table(_amplitude_table(verdict.amplitude_unit, verdict.next), titled=False))
 
 

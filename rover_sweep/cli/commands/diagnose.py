@@ -22,9 +22,9 @@ from rover_sweep.cli.options import (
     argument,
     check_report_folder,
     check_writable,
+    gathered,
     option,
     options,
-    together,
     vehicle_path,
 )
 from rover_sweep.cli.views.output import echo_json, narration, print_warnings, results
@@ -145,7 +145,7 @@ def _simulator_of(simulated: Sequence[str], variant: str | None) -> str | None:
 
 
 def _say(words: str) -> None:
-    narration().print(words, soft_wrap=True, markup=False)
+    narration().print(words, soft_wrap=True)
 
 
 # `rover-sweep twin`: correct a simulation until it agrees with recordings; `twin serve`: drive on it.
@@ -200,7 +200,7 @@ class TwinCall:
         return next((v for v in self.vehicle if v in SIMULATORS), "plant")
 
 
-TWIN = together(TwinCall)
+TWIN = gathered(TwinCall)
 
 
 @twin.command()
@@ -244,8 +244,8 @@ def correct(call: TwinCall = TWIN) -> None:
     origin = provenance(vehicle, path, given.held_out, command, datetime.now().astimezone())
     page = write_twin(found, out, origin)
     shown.print(on_terminal(twin_report(found, origin)), width=min(shown.width, WIDTH))
-    shown.print(f"\nreport: {page}", soft_wrap=True, markup=False)
-    shown.print(f"corrected rover: {out / 'variant.toml'}", soft_wrap=True, markup=False)
+    shown.print(f"\nreport: {page}", soft_wrap=True)
+    shown.print(f"corrected rover: {out / 'variant.toml'}", soft_wrap=True)
     if call.as_json:
         echo_json((out / "twin.json").read_text(encoding="utf-8"))
     if asked.to_stop():

@@ -7,7 +7,15 @@ from typing import Any
 
 import click
 
-from rover_sweep.cli.options import OUTPUT, NumberRange, argument, option, options, refuse_input
+from rover_sweep.cli.options import (
+    OUTPUT,
+    NumberRange,
+    argument,
+    option,
+    options,
+    refuse_input,
+    refuse_no_folder,
+)
 from rover_sweep.cli.views.output import echo
 from rover_sweep.errors import DataRefused, UsageError
 from rover_sweep.files.documents import printable_lines, read_json
@@ -122,10 +130,8 @@ def _write(output: str, content: str | bytes, what: str) -> None:
     if output == "-":
         click.echo(printable_lines(content) if isinstance(content, str) else content, nl=False)
         return
-    path = Path(output)
-    if not path.parent.is_dir():
-        raise UsageError(f"cannot write {path.name}: there is no folder {path.parent}; create it")
-    write_file(path, content)
+    refuse_no_folder(output)
+    write_file(Path(output), content)
     echo(f"{what} written to {output}", err=True)
 
 

@@ -8,7 +8,15 @@ from typing import TYPE_CHECKING
 
 import click
 
-from rover_sweep.cli.options import FILE, NumberRange, argument, option, options, refuse_input
+from rover_sweep.cli.options import (
+    FILE,
+    NumberRange,
+    argument,
+    option,
+    options,
+    refuse_input,
+    refuse_no_folder,
+)
 from rover_sweep.cli.vehicle_link import ACCESS
 from rover_sweep.errors import LinkError, UsageError
 
@@ -79,7 +87,7 @@ def gains(
         if both.speed is not None:
             console.print(on_terminal(speed_gains_report(both.speed)))
     if out is not None:
-        narration().print(_write(both, Path(out), now), markup=False, soft_wrap=True)
+        narration().print(_write(both, Path(out), now), soft_wrap=True)
 
 
 def _current_parameters(now: str | None, url: str | None, access: Access) -> Mapping[str, float]:
@@ -119,8 +127,7 @@ def _write(both: AllGains, path: Path, now: str | None) -> str:
 
     if not both.text:
         return f"{path} was not written: there are no gains to propose"
-    if not path.parent.is_dir():
-        raise UsageError(f"cannot write {path.name}: there is no folder {path.parent}; create it")
+    refuse_no_folder(str(path))
     if both.unknown:
         names = ", ".join(both.unknown)
         unknown = f"{now} lacks {names}" if now else f"the present values of {names} are unknown"

@@ -12,7 +12,7 @@ import click
 from rover_sweep.cli.driving.simulated import (
     SIMULATION,
     SIMULATORS,
-    Simulation,
+    SimulationOptions,
     refuse_on_simulated,
     refuse_without_simulation,
 )
@@ -87,7 +87,7 @@ def investigate(
     ),
     throw_switch: Trigger | None = SWITCH_AS_RUN,
     no_log: bool = option("Do not download the rover's log; diagnose from telemetry."),
-    simulation: Simulation = SIMULATION,
+    simulation: SimulationOptions = SIMULATION,
     out: str | None = option("Folder; that of an earlier call is continued.", FOLDER),
     as_json: bool = option("Print investigation.json on stdout.", flag="--json"),
 ) -> None:

@@ -53,7 +53,7 @@ def list_(
     if not entries:
         console.print("no log on the card")
     for entry in entries:
-        console.print(f"{entry.number:5}  {entry.size / 1e6:9.2f} MB  {_when(entry)}", markup=False)
+        console.print(f"{entry.number:5}  {entry.size / 1e6:9.2f} MB  {_when(entry)}")
 
 
 @logs.command(short_help="Download logs: a number, latest or all.")
@@ -84,7 +84,7 @@ def fetch(
         for event in bring(link, source, chosen_logs(settled(link, source), which), Path(out)):
             if isinstance(event, FetchedFile):
                 fetched.append(event)
-                console.print(_sentence(event), markup=False, soft_wrap=True)
+                console.print(_sentence(event), soft_wrap=True)
             elif console.is_terminal and (tenth := 10 * event.done // max(event.total, 1)) != last:
                 last = tenth
                 echo(f"log {event.number}: {event.done / 1e6:.1f} of {event.total / 1e6:.1f} MB", err=True)
@@ -154,7 +154,7 @@ def view(
         for each in logs
     ]
     path = write_file(page, log_page(Path(log).name, channels))
-    results().print(f"page: {path}", soft_wrap=True, markup=False)
+    results().print(f"page: {path}", soft_wrap=True)
 
 
 def _steering(unit: str, place: int) -> str:

@@ -182,7 +182,7 @@ def _show(found: Sequence[Difference], file: str, as_json: bool = False) -> None
 
     console = results(as_json)
     if not found:
-        console.print(f"all parameters of {file} are set on the rover", style="green", markup=False)
+        console.print(f"all parameters of {file} are set on the rover", style="green")
         return
     rows = []
     for d in found:
@@ -225,12 +225,12 @@ def status(
         return
     console = results()
     firmware = content.vehicle.get("firmware", "an unknown rover")
-    console.print(f"{folder}: {firmware}, {len(content.runs)} runs, {len(content.logs)} logs", markup=False)
+    console.print(f"{folder}: {firmware}, {len(content.runs)} runs, {len(content.logs)} logs")
     if content.runs:
         console.print(rich_table(_table(content), titled=False))
     left = ", ".join(f"{run.name} ({_describe(run.manoeuvre)})" for run in content.to_drive)
     remaining = f"still to drive: {left}" if left else "no runs remain"
-    console.print(remaining, markup=False, soft_wrap=True)
+    console.print(remaining, soft_wrap=True)
 
 
 def _table(content: Content) -> Table:

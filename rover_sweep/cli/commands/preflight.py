@@ -76,7 +76,7 @@ def _fix(link: Link, checks: Sequence[Check], name: str, folder: Path, yes: bool
     console = narration()
     check = next((c for c in checks if c.name == name), None)
     if check is None or check.remedy is None:
-        console.print(f"{name}: nothing to fix", markup=False)
+        console.print(f"{name}: nothing to fix")
         return
     if not check.remedy.by_hand and not yes and not confirmed(f"{name}: {check.remedy.words}?"):
         return

@@ -71,7 +71,7 @@ def redrive(
     runs = _runs(log)
     course = course_of(_one_log(log))
     console = narration()
-    console.print(f"{vehicle}, {described(parameters, variant, rover_file)}", highlight=False, soft_wrap=True)
+    console.print(f"{vehicle}, {described(parameters, variant, rover_file)}", soft_wrap=True)
     with _complete_file(target) as made:
         if vehicle == "plant":
             from sitl.redrive.open_loop import redrive as drive
@@ -85,7 +85,7 @@ def redrive(
 
             binary = Path(ardurover) if ardurover else None
             for line in drive_course(course, parameters, made, vehicle, binary, seed):
-                console.print(line, soft_wrap=True, markup=False)
+                console.print(line, soft_wrap=True)
     _show_speeds(runs, target)
 
 
@@ -152,11 +152,8 @@ def _show_speeds(runs: Sequence[Recording], target: Path) -> None:
             f"simulated minus recorded speed: mean {np.mean(off):+.3f} m/s, "
             f"rms {np.sqrt(np.mean(off**2)):.3f} m/s",
             soft_wrap=True,
-            markup=False,
         )
-    console.print(
-        f"{target}: {len(simulated)} run{'s' if len(simulated) != 1 else ''}", soft_wrap=True, markup=False
-    )
+    console.print(f"{target}: {len(simulated)} run{'s' if len(simulated) != 1 else ''}", soft_wrap=True)
 
 
 # `rover-sweep replay`: play a recording on the screen that `session` uses for a vehicle.

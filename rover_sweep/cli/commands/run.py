@@ -12,7 +12,7 @@ from rover_sweep.cli.driving.job import Job, announce, diagnose_session, folder_
 from rover_sweep.cli.driving.simulated import (
     SIMULATION,
     SIMULATORS,
-    Simulation,
+    SimulationOptions,
     on_simulated,
     refuse_on_simulated,
     refuse_without_simulation,
@@ -90,7 +90,7 @@ def run(
     throw_switch: Trigger | None = _THROW_SWITCH,
     no_log: bool = option("Do not download the rover's log; identify from telemetry."),
     diagnose: bool = option("Run `diagnose` on the runs at the end."),
-    simulation: Simulation = SIMULATION,
+    simulation: SimulationOptions = SIMULATION,
     out: str | None = option("Folder for recordings and report. [default: run, else run-2, ...]", FOLDER),
     as_json: bool = AS_JSON,
     full: bool = FULL,

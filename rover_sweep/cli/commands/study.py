@@ -35,6 +35,6 @@ def study(
         found = all_findings(result)
         files = write_study(result, found, Path(out), lambda share, what: report(0.75 + 0.25 * share, what))
     console.print(on_terminal(study_report(result, found), answer_last=True))
-    console.print(f"study: {files.page}", highlight=False, soft_wrap=True, markup=False)
+    console.print(f"study: {files.page}", soft_wrap=True)
     if as_json:
         echo_json(files.document.read_text(encoding="utf-8"))

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from rover_sweep.api.diagnosis_input import Material
     from rover_sweep.api.investigation import Bounds, Decision, RunDriver
     from rover_sweep.cli.driving.session_display import OneByOne
-    from rover_sweep.cli.driving.simulated import Simulation
+    from rover_sweep.cli.driving.simulated import SimulationOptions
     from rover_sweep.data.vehicle_file import Vehicle
     from rover_sweep.diagnosis.result import Diagnosis
     from rover_sweep.session.simulated_rover import SimulatedRover
@@ -56,7 +56,7 @@ def show_document(
     if as_json:
         echo_json(strict_json(investigation_document(decisions, earlier)))
     elif out is not None:
-        results().print(f"steps: {out / DOCUMENT}", soft_wrap=True, markup=False)
+        results().print(f"steps: {out / DOCUMENT}", soft_wrap=True)
 
 
 def diagnosing(vehicle: Vehicle) -> Callable[[Material], Diagnosis]:
@@ -78,11 +78,11 @@ def show_step(decision: Decision) -> None:
 
     console, found = narration(), decision.diagnosis
     if found is not None:
-        console.print(f"diagnosis: {found.verdict}: {found.sentence}", markup=False, soft_wrap=True)
+        console.print(f"diagnosis: {found.verdict}: {found.sentence}", soft_wrap=True)
     if decision.told is not None:
-        console.print(f"the last run told {decision.told:.1f} bit", markup=False)
+        console.print(f"the last run told {decision.told:.1f} bit")
     step = decision.step
-    console.print(f"{TITLES[step.action]}: {step.reason}", style="bold", markup=False, soft_wrap=True)
+    console.print(f"{TITLES[step.action]}: {step.reason}", style="bold", soft_wrap=True)
 
 
 def _write_report(decisions: list[Decision], rover: tuple[Vehicle, Path], out: Path, as_json: bool) -> None:
@@ -103,7 +103,7 @@ def _write_report(decisions: list[Decision], rover: tuple[Vehicle, Path], out: P
     files = write_diagnosis(last.diagnosis, out / "report", last.given.origin(made, DiagnosisSettings()))
     shown = results(as_json)
     shown.print(on_terminal(diagnosis_report(last.diagnosis)), width=min(shown.width, WIDTH))
-    shown.print(f"\nreport: {files.page}", soft_wrap=True, markup=False)
+    shown.print(f"\nreport: {files.page}", soft_wrap=True)
 
 
 # `investigate --vehicle embedded|ardurover`: an investigation of a simulated rover, without asking.
@@ -118,7 +118,7 @@ def investigate_simulated(
     bounds: Bounds,
     limits: dict[str, float],
     logs: bool,
-    options: Simulation,
+    options: SimulationOptions,
     out: str | None,
     as_json: bool,
 ) -> None:

@@ -68,9 +68,7 @@ def announce(plan: SessionPlan, folder: Path) -> None:
     what = " and ".join(name for name, is_it in (("steering", False), ("throttle", True)) if is_it in swept)
     console = narration()
     console.print(
-        f"{len(plan.runs)} runs, {seconds:.0f} s of {what} in total, into {folder}; {words}",
-        markup=False,
-        soft_wrap=True,
+        f"{len(plan.runs)} runs, {seconds:.0f} s of {what} in total, into {folder}; {words}", soft_wrap=True
     )
 
 
@@ -112,7 +110,6 @@ def _serve_physics(variant: Path, instance: int, seed: int) -> None:
     narration().print(
         f"start the firmware with `ardurover --model JSON:127.0.0.1 --instance {instance}`; Ctrl-C ends this",
         soft_wrap=True,
-        markup=False,
     )
     main(["--variant", str(variant.resolve()), "--instance", str(instance), "--seed", str(seed)])
 
@@ -135,12 +132,11 @@ def _serve_firmware(variant: Path, ardurover: Path | None, instance: int, seed: 
     except launcher.LaunchError as error:
         raise LinkError(f"{error}; --physics serves the JSON interface alone") from error
     with running:
-        results().print(running.connection, markup=False)
+        results().print(running.connection)
         narration().print(
             f"the twin is served: connect a ground station to {running.connection}; its logs are in {home}; "
             "Ctrl-C ends it",
             soft_wrap=True,
-            markup=False,
         )
         _wait(running)
 
@@ -176,7 +172,7 @@ def serve(host: str, port: int) -> None:
             "browser, as in --web-host 192.168.1.20"
         )
     if not _is_loopback(host):
-        narration().print(OPEN.format(host=host), style="yellow", markup=False, soft_wrap=True)
+        narration().print(OPEN.format(host=host), style="yellow", soft_wrap=True)
     try:
         SessionServer(program(sys.argv[1:]), host, port).serve()
     except OSError as error:  # the port is taken, or the address is not one of this computer

@@ -67,11 +67,11 @@ def show_session(
                         raise KeyboardInterrupt
     except (KeyboardInterrupt, RoverSweepError) as stop:
         if isinstance(stop, KeyboardInterrupt) and not interrupted:
-            console.print(_interrupted_words(events, stop), markup=False, soft_wrap=True)
+            console.print(_interrupted_words(events, stop), soft_wrap=True)
         events.close()
         kept = _kept(folder, finished)
         if kept != _NOTHING or isinstance(stop, KeyboardInterrupt):  # an error explains itself
-            console.print(kept, markup=False, soft_wrap=True)
+            console.print(kept, soft_wrap=True)
         raise
     raise AssertionError("a session ends with SessionFinished")
 
@@ -142,14 +142,6 @@ def complete_runs(session: SessionFinished, vehicle: Vehicle) -> tuple[Recording
         raise DataRefused(f"{refusal}; {_kept(session.folder, list(session.runs))}") from refusal
 
 
-def only_throttle(folder: Path) -> bool:
-    """Whether all runs of a session are throttle sweeps."""
-    from rover_sweep.manoeuvre.sweep import ThrottleSweep
-    from rover_sweep.session.folder import read_folder
-
-    return all(isinstance(run.manoeuvre, ThrottleSweep) for run in read_folder(folder).runs)
-
-
 def identify_session(
     session: SessionFinished,
     rover: tuple[Vehicle, Path],
@@ -166,18 +158,21 @@ def identify_session(
     from rover_sweep.api.speed import throttle_sweeps
     from rover_sweep.cli.driving.shown_results import add_steering, show_identified, show_speed
     from rover_sweep.identification.grouping import Settings
+    from rover_sweep.manoeuvre.sweep import ThrottleSweep
+    from rover_sweep.session.folder import read_folder
     from rover_sweep.session.session import origin_words
 
     report = session.folder / "report"
     swept = throttle_sweeps([str(session.folder)])
-    speed, alone = None, only_throttle(session.folder)
+    speed = None
     if swept:
+        alone = all(isinstance(run.manoeuvre, ThrottleSweep) for run in read_folder(session.folder).runs)
         speed = show_speed(swept, report, as_json, alone)
         if alone:
             return
     runs = complete_runs(session, rover[0])
     for words in origin_words(session.folder, runs):
-        narration().print(words, markup=False, soft_wrap=True)
+        narration().print(words, soft_wrap=True)
     if not as_json and (why := why_not_fitted(runs)):
         narration().print(f"nothing is identified: {why}; {_kept(session.folder, list(session.runs))}")
         return

@@ -70,7 +70,7 @@ def show_identified(
         files = result.report(out, lambda share, what: progress(share, f"writing {what}"), units)
     if not full:
         shown.print("all models, costs and handling: in the report, or here with --full", style="dim")
-    shown.print(f"report: {files.page}", soft_wrap=True, markup=False)
+    shown.print(f"report: {files.page}", soft_wrap=True)
     if as_json:
         echo_json(files.document.read_text(encoding="utf-8"))
 
@@ -111,9 +111,9 @@ def show_diagnosed(
         with long_work("writing the report") as report:
             files = write_diagnosis(found, out, origin, report)
     interrupted = asked.to_stop()
-    shown.print(f"\nreport: {files.page}", soft_wrap=True, markup=False)
+    shown.print(f"\nreport: {files.page}", soft_wrap=True)
     if files.variant:
-        shown.print(f"as a simulated rover: {files.variant}", soft_wrap=True, markup=False)
+        shown.print(f"as a simulated rover: {files.variant}", soft_wrap=True)
     document = files.document.read_text(encoding="utf-8")
     if (given.simulated or drive) and found.model is not None and not interrupted:
         compared = show_compared(given, found, origin.provenance, out, drive, settings.seed, shown)
@@ -160,7 +160,7 @@ def show_compared(
     page = write_comparison(answer, out, provenance)
     shown.print("")
     shown.print(on_terminal(comparison_report(answer, provenance)), width=min(shown.width, WIDTH))
-    shown.print(f"\ncomparison: {page}", soft_wrap=True, markup=False)
+    shown.print(f"\ncomparison: {page}", soft_wrap=True)
     return page.with_suffix(".json")
 
 
@@ -191,7 +191,7 @@ def show_speed(sweeps: Sequence[ThrottleRun], out: Path, as_json: bool, alone: b
     result = identify_speed(sweeps)
     shown.print(on_terminal(speed_report(speed_findings(result, out))))
     files = write_speed_report(result, out)
-    shown.print(f"speed: {files.page}; next: rover-sweep gains {out}", soft_wrap=True, markup=False)
+    shown.print(f"speed: {files.page}; next: rover-sweep gains {out}", soft_wrap=True)
     if as_json and alone:
         echo_json(files.document.read_text(encoding="utf-8"))
     return result

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING
 import click
 
 from rover_sweep.cli.driving.job import Job, announce
-from rover_sweep.cli.options import ARDUROVER, FILE, option, session_folder, together
+from rover_sweep.cli.options import ARDUROVER, FILE, gathered, option, session_folder
 from rover_sweep.errors import UsageError, missing_extra
 
 if TYPE_CHECKING:
@@ -89,7 +89,7 @@ def folder_with_rover(
 
     if rover_file:
         return session_folder(out, name), (load(rover_file), Path(rover_file))
-    text = rover_text(variant) if variant else firmware_rover_text()
+    text = rover_text(variant) if variant is not None else firmware_rover_text()
     folder = session_folder(out, name, also=("rover.toml",))
     path = folder / "rover.toml"
     path.write_text(text, encoding="utf-8")
@@ -265,7 +265,7 @@ _PWM_MAX = 250.0  # us, default of SWP_PWM_MAX
 
 
 @dataclass(frozen=True)
-class Simulation:
+class SimulationOptions:
     """The options of a rover that is simulated."""
 
     physics: Physics = option(
@@ -293,7 +293,7 @@ class Simulation:
         return SimulatedRover(kind, binary, self.physics, self.variant, self.seed, prepared=False)
 
 
-SIMULATION = together(Simulation)
+SIMULATION = gathered(SimulationOptions)
 
 
 def refuse_on_simulated(connect: str | None, arm: bool, throttle: int | None) -> None:
@@ -304,7 +304,7 @@ def refuse_on_simulated(connect: str | None, arm: bool, throttle: int | None) ->
         raise UsageError("a simulated rover is always armed and driven; remove --arm and --throttle")
 
 
-def refuse_without_simulation(connect: str | None, simulation: Simulation) -> None:
+def refuse_without_simulation(connect: str | None, simulation: SimulationOptions) -> None:
     """UsageError for options of a simulated rover without one, and for no rover at all."""
     if not connect:
         raise UsageError(
@@ -316,7 +316,7 @@ def refuse_without_simulation(connect: str | None, simulation: Simulation) -> No
 
 
 def on_simulated(
-    job: Job, simulator: str, out: str | None, options: Simulation
+    job: Job, simulator: str, out: str | None, options: SimulationOptions
 ) -> tuple[tuple[Vehicle, Path], SessionFinished, Numbers | None]:
     """Drive the job on a simulated rover; (vehicle and its file, session, view of the true parameters)."""
     from rover_sweep.cli.driving.session_display import show_session
@@ -342,7 +342,7 @@ def on_simulated(
         session = show_session(
             drive(running.connection, folder, plan, line), folder, go_on=True, answer=answer
         )
-    return rover, session, truth_view(variant) if variant else None
+    return rover, session, truth_view(variant) if variant is not None else None
 
 
 def _plan(job: Job, simulation: SimulatedRover) -> SessionPlan:

@@ -142,7 +142,7 @@ def long_work(what: str) -> Iterator[ShownWork]:
             rest = left_words(time.monotonic() - started, share)
             progress.update(task, total=1.0, completed=share, description=step or what, left=rest)
 
-        yield ShownWork(show, lambda line: console.print(line, style="dim", markup=False))
+        yield ShownWork(show, lambda line: console.print(line, style="dim"))
 
 
 def _plain_lines(what: str, clock: Callable[[], float]) -> Report:

@@ -51,7 +51,7 @@ def print_warnings(console: Console, runs: Sequence[Recording]) -> None:
     from rover_sweep.data.recording import grouped_warnings
 
     for text in grouped_warnings(runs):
-        console.print(f"warning: {text}", style="yellow", markup=False, soft_wrap=True)
+        console.print(f"warning: {text}", style="yellow", soft_wrap=True)
 
 
 def _console(stderr: bool) -> Console:
