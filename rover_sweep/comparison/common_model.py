@@ -304,7 +304,7 @@ def _closest(
         if form_named(name).id not in present
         for c in added_coordinates(model.law(name))
     }
-    x = {**{c.name: c.start for c in model.free}, **start, **dict.fromkeys(absent, 0.0)}
+    x = {**model.start, **start, **dict.fromkeys(absent, 0.0)}
     free = tuple(c for c in model.free if c.name not in absent)
     problem = with_floor_of(runs, model, x)
     first = fit(problem, model.structure, free, x)

@@ -18,10 +18,11 @@ from rover_sweep.comparison.differences import Found
 from rover_sweep.data.recording import Array
 from rover_sweep.diagnosis.held_out import SWEPT, frequency_responses_of, overlay_of
 from rover_sweep.diagnosis.problem.noise_floor import Floor, level_of
-from rover_sweep.diagnosis.problem.residuals import Problem, centred, whitened, with_floor
+from rover_sweep.diagnosis.problem.residuals import Problem, centred, signals_left, whitened, with_floor
 from rover_sweep.diagnosis.problem.signatures import columns, speed_drift
+from rover_sweep.diagnosis.residual_maps import channel_name
 from rover_sweep.diagnosis.result import TimeHistory
-from rover_sweep.diagnosis.simulation.experiment import RATE, Experiment
+from rover_sweep.diagnosis.simulation.experiment import CHANNELS, RATE, Experiment
 from rover_sweep.diagnosis.simulation.simulator import Sensors, logged
 from rover_sweep.errors import DataRefused
 
@@ -99,7 +100,6 @@ def _difference(run: Experiment, sim: Experiment) -> tuple[float, float]:
     return float(np.sqrt(np.mean((gap - gap.mean()) ** 2))) / max(whole, 1e-9), shift / RATE
 
 
-CHANNELS = ("r", "ay", "p", "vy")
 Signals = dict[str, Array]
 
 
@@ -135,7 +135,10 @@ def direct(
 
     unused: the runs are no part of the sides, so the floors are scaled to the runs' own noise.
     """
-    left = [(_residual(p.recorded, recordings), _residual(p.simulated, recordings)) for p in pairs]
+    model = recordings.fitted
+    left = [
+        tuple(signals_left(run, model.structure, model.x) for run in (p.recorded, p.simulated)) for p in pairs
+    ]
     one, two = recordings.plain.floor, simulation.plain.floor
     if unused:
         one = _scaled(one, [p.recorded for p in pairs], [d for d, _ in left])
@@ -144,7 +147,7 @@ def direct(
     problem = with_floor(runs, sum_of(one, two))
     gaps = [_gap(p, d, s) for p, (d, s) in zip(pairs, left, strict=True)]
     rows = whitened(problem.rows, runs, gaps)
-    metric = problem.in_metric(np.sqrt(2.0) * columns(speed_drift(problem, recordings.fitted), problem.size))
+    metric = problem.in_metric(np.sqrt(2.0) * columns(speed_drift(problem, model), problem.size))
     return Direct(tuple(pairs), problem, rows, metric.of(rows))
 
 
@@ -154,11 +157,6 @@ def sum_of(one: Floor, two: Floor) -> Floor:
     density = {c: one.density[c] + two.at(c, one.f) for c in shared}
     tops = {c: min(f.top.get(c, np.inf) for f in (one, two)) for c in shared}
     return Floor(one.f, density, {c: top for c, top in tops.items() if np.isfinite(top)})
-
-
-def _residual(run: Experiment, side: FittedSide) -> Signals:
-    model = logged(run, side.fitted.structure, side.fitted.x, Sensors.of(run))
-    return {c: y - model[c] for c, y in centred(run).items()}
 
 
 def _gap(pair: Pair, recorded: Signals, simulated: Signals) -> Signals:
@@ -174,8 +172,7 @@ def _gap(pair: Pair, recorded: Signals, simulated: Signals) -> Signals:
 def _scaled(floor: Floor, runs: Sequence[Experiment], residuals: Sequence[Mapping[str, Array]]) -> Floor:
     """The floor at the mean noise level of other runs, channel by channel."""
     levels = [level_of(run, dict(left), floor) for run, left in zip(runs, residuals, strict=True)]
-    factor = {c: float(np.mean([level.get(c, 1.0) for level in levels])) for c in floor.density}
-    return Floor(floor.f, {c: d * factor[c] for c, d in floor.density.items()}, floor.top)
+    return floor.times({c: float(np.mean([level.get(c, 1.0) for level in levels])) for c in floor.density})
 
 
 def _rms(rows: Array) -> float:
@@ -187,25 +184,24 @@ def _rms(rows: Array) -> float:
 
 OTHER_FILTER, OTHER_RATE = 1.05, 1.5  # ratios from which cut-offs and rates are told
 OTHER_NOISE = 2.0  # ratio of rms
-SYMBOLS = {"ay": "a_y", "vy": "V_y"}
 BAND = (0.5, 8.0)  # Hz, of the noise that is compared
 
 
 def instruments(pairs: Sequence[Pair], recorded: Floor, simulated: Floor) -> tuple[Instrument, ...]:
     """What differs in the known filters, the rates of the records and the noise, channel by channel."""
     pair = pairs[0]
-    channels = [c for c in pair.recorded.measured if c in pair.simulated.measured]
-    missing = [c for c in pair.recorded.measured if c not in pair.simulated.measured]
-    out = [
+    missing = [
+        Instrument("channel", c, "", None, None, f"the simulation has no {channel_name(c)}")
+        for c in pair.recorded.measured
+        if c not in pair.simulated.measured
+    ]
+    different = [
         found
-        for c in channels
+        for c in pair.recorded.measured
+        if c in pair.simulated.measured
         for found in (*_filters(pair, c), *_rates(pair, c), *_noise(c, recorded, simulated))
     ]
-    return (*(_not_there(c) for c in missing), *out)
-
-
-def _not_there(channel: str) -> Instrument:
-    return Instrument("channel", channel, "", None, None, f"the simulation has no {_symbol(channel)}")
+    return (*missing, *different)
 
 
 def _filters(pair: Pair, channel: str) -> Iterator[Instrument]:
@@ -215,14 +211,10 @@ def _filters(pair: Pair, channel: str) -> Iterator[Instrument]:
         return
     if sim is None or rec is None or max(sim, rec) > OTHER_FILTER * min(sim, rec):
         words = (
-            f"the low-pass of {_symbol(channel)} is {_hz(sim)} in the simulation and {_hz(rec)} in the "
+            f"the low-pass of {channel_name(channel)} is {_hz(sim)} in the simulation and {_hz(rec)} in the "
             "recordings; the comparison allows for both"
         )
         yield Instrument("filter", channel, "Hz", sim, rec, words)
-
-
-def _symbol(channel: str) -> str:
-    return SYMBOLS.get(channel, channel)
 
 
 def _hz(cutoff: float | None) -> str:
@@ -233,8 +225,8 @@ def _rates(pair: Pair, channel: str) -> Iterator[Instrument]:
     sim, rec = pair.simulated.rates[channel], pair.recorded.rates[channel]
     if max(sim, rec) > OTHER_RATE * min(sim, rec):
         words = (
-            f"{_symbol(channel)} is recorded at {sim:.0f} Hz in the simulation and at {rec:.0f} Hz in the "
-            "recordings"
+            f"{channel_name(channel)} is recorded at {sim:.0f} Hz in the simulation and at {rec:.0f} Hz in "
+            "the recordings"
         )
         yield Instrument("rate", channel, "Hz", sim, rec, words)
 
@@ -245,7 +237,7 @@ def _noise(channel: str, recorded: Floor, simulated: Floor) -> Iterator[Instrume
     sim, rec = simulated.rms(channel, *BAND), recorded.rms(channel, *BAND)
     if max(sim, rec) > OTHER_NOISE * min(sim, rec):
         times = f"{rec / sim:.2g}" if sim > 0 else "infinitely many"
-        words = f"the recordings have {times} times the noise of the simulation in {_symbol(channel)}"
+        words = f"the recordings have {times} times the noise of the simulation in {channel_name(channel)}"
         yield Instrument("noise", channel, "", sim, rec, words)
 
 
@@ -305,7 +297,8 @@ def histories_of(runs: Sequence[BeforeAfter]) -> tuple[TimeHistory, ...]:
     return tuple(
         overlay_of(one.run, c, one.held_out, one.before[c], one.after[c], one.floor)
         for one in runs
-        for c in _channels(one)
+        for c in one.run.measured
+        if c in one.before and c in one.after and c in one.floor.density
     )
 
 
@@ -315,10 +308,6 @@ def bode(runs: Sequence[BeforeAfter]) -> tuple[Bode, ...]:
         if one.run.kind in SWEPT:
             return _bode(one)
     return ()
-
-
-def _channels(one: BeforeAfter) -> list[str]:
-    return [c for c in one.run.measured if c in one.before and c in one.after and c in one.floor.density]
 
 
 def _bode(one: BeforeAfter) -> tuple[Bode, ...]:

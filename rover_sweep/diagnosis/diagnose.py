@@ -52,7 +52,7 @@ from rover_sweep.diagnosis.result import (
 from rover_sweep.diagnosis.search import at_the_end, many_at_the_end
 from rover_sweep.diagnosis.simulation import candidates as lumped_baseline
 from rover_sweep.diagnosis.simulation.augmented import augmented
-from rover_sweep.diagnosis.simulation.candidates import Model
+from rover_sweep.diagnosis.simulation.candidates import Model, has_roll
 from rover_sweep.diagnosis.simulation.experiment import Experiment, experiment, in_order
 from rover_sweep.diagnosis.simulation.single_track import must_compile
 from rover_sweep.diagnosis.unexplained import FoundLaws, in_model, left_unexplained, with_laws_of
@@ -142,7 +142,7 @@ def diagnose(
 
 
 def _refuse(runs: Sequence[Recording], rover: Geometry, baseline: Baseline, groups: Sequence[Group]) -> None:
-    if baseline == "roll-yaw" and not (rover.sprung_mass and rover.h and rover.roll_inertia):
+    if baseline == "roll-yaw" and not has_roll(rover):
         raise UsageError(
             "the roll-yaw model needs sprung_mass, cg_height_above_roll_centre and roll_inertia in the "
             "vehicle file; add them or use --baseline bicycle"

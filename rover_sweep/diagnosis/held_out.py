@@ -11,7 +11,7 @@ from rover_sweep.data.recording import Array, Recording, Signal
 from rover_sweep.diagnosis.effects import Effect
 from rover_sweep.diagnosis.problem.least_squares import fit
 from rover_sweep.diagnosis.problem.noise_floor import TOP, Floor, level_of
-from rover_sweep.diagnosis.problem.residuals import Problem, centred, with_floor
+from rover_sweep.diagnosis.problem.residuals import Problem, centred, signals_left, with_floor
 from rover_sweep.diagnosis.result import Fit, HeldOut, TimeHistory
 from rover_sweep.diagnosis.simulation.candidates import Model
 from rover_sweep.diagnosis.simulation.experiment import RATE, Experiment
@@ -70,7 +70,7 @@ class HeldOutRun:
 
     def residual(self, m: FittedModel) -> Array:
         """A model's whitened residual rows (n,)."""
-        return self.problem.measured - self.problem.model(m.structure, m.x)
+        return self.problem.residual(m.structure, m.x)
 
 
 def scaled_floor(run: Experiment, floor: Floor, whole: FittedModel) -> Floor:
@@ -78,9 +78,7 @@ def scaled_floor(run: Experiment, floor: Floor, whole: FittedModel) -> Floor:
 
     A slower run vibrates less. One run has too few quiet frames for a floor of its own, so the shape stays.
     """
-    log = whole.log(run)
-    level = level_of(run, {c: y - log[c] for c, y in centred(run).items()}, floor)
-    return Floor(floor.f, {c: d * level.get(c, 1.0) for c, d in floor.density.items()}, floor.top)
+    return floor.times(level_of(run, signals_left(run, whole.structure, whole.x), floor))
 
 
 def compare_held_out(held: HeldOutRun, before: FittedModel, after: FittedModel) -> HeldOut:

@@ -213,7 +213,7 @@ def _with(
     structure = replace(base.structure, effects=(*base.structure.effects, effect))
     for share in SHARES:
         x = {**base.x, **{c.name: share * float(z) for c, z in zip(free, start, strict=False)}}
-        rows = problem.measured - problem.model(structure, x)
+        rows = problem.residual(structure, x)
         if rows @ rows < base.cost:
             break
     found = fit(problem, structure, (*base.free, *free), x, steps=5, known=base, tolerance=5e-4 * base.cost)
@@ -232,9 +232,7 @@ def _places(every: Sequence[UnnamedFamily], variance: float, best: UnnamedFamily
 
 
 def _judged(name: str, held: Problem, base: Fitted, best: Fitted) -> LawHeldOut:
-    before, after = (
-        float(np.mean((held.measured - held.model(f.structure, f.x)) ** 2)) for f in (base, best)
-    )
+    before, after = (float(np.mean(held.residual(f.structure, f.x) ** 2)) for f in (base, best))
     share = (after - 1.0) / (before - 1.0) if before > EXPLAINABLE else None
     return LawHeldOut(name, before, after, share)
 

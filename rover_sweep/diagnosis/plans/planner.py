@@ -23,7 +23,7 @@ from rover_sweep.diagnosis.plans.run_evidence import (
 )
 from rover_sweep.diagnosis.posterior.infer import SHARE, SURE
 from rover_sweep.diagnosis.result import Unseen
-from rover_sweep.diagnosis.simulation.candidates import Model, possible
+from rover_sweep.diagnosis.simulation.candidates import Model, has_roll, possible
 from rover_sweep.diagnosis.simulation.experiment import RATE, SLOWEST, Experiment, tapered
 from rover_sweep.diagnosis.simulation.simulator import Sensors, logged
 from rover_sweep.manoeuvre.multisine import Multisine
@@ -290,9 +290,10 @@ class Planner:
     @cached_property
     def model(self) -> Model:
         """The baseline with the most physics that the vehicle file has the numbers for."""
-        whole = bool(self.rover.sprung_mass and self.rover.h and self.rover.roll_inertia)
         clocks = any(run.two_clocks for run in self.driven.values())
-        return Model("roll-yaw" if whole else "bicycle", self.rover, self.spread, two_clocks=clocks)
+        return Model(
+            "roll-yaw" if has_roll(self.rover) else "bicycle", self.rover, self.spread, two_clocks=clocks
+        )
 
     @cached_property
     def effects(self) -> list[Effect]:

@@ -276,11 +276,9 @@ def _promising_from_start(problem: Problem, model: Model, effects: Sequence[Effe
 
     A fit that is far off may have settled where the right effect does not help.
     """
-    x = {c.name: c.start for c in model.free}
-    rows = problem.measured - problem.model(model.structure, x)
-    begin = sensitivities(
-        problem, Fitted(model.structure, model.free, x, 0.0, rows, np.empty((rows.size, 0)))
-    )
+    rows = problem.residual(model.structure, model.start)
+    far = Fitted(model.structure, model.free, model.start, 0.0, rows, np.empty((rows.size, 0)))
+    begin = sensitivities(problem, far)
     space = tangent(begin)
     screened = side_by_side(lambda e: screen(problem, begin, space, model, e), effects)
     pairs = zip(screened, effects, strict=True)
@@ -299,8 +297,7 @@ def _from_start(problem: Problem, model: Model) -> Explanation:
     """A model fitted from the start values and its last effect's own size; without the metric, the way is
     shorter."""
     law = model.law(model.effects[-1])
-    start = {c.name: c.start for c in model.free}
-    start |= {law.coordinate_name(p): p.size * p.per for p in law.parameters}
+    start = model.start | {law.coordinate_name(p): p.size * p.per for p in law.parameters}
     near = fit(problem.plain, model.structure, model.free, start)
     return _converged(problem, Explanation(model, near))
 

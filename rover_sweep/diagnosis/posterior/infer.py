@@ -27,7 +27,7 @@ from rover_sweep.diagnosis.posterior.weights import (
 from rover_sweep.diagnosis.problem.least_squares import COARSE, cost_of, fit, sensitivities
 from rover_sweep.diagnosis.problem.residuals import Problem, never, with_floor
 from rover_sweep.diagnosis.result import Baseline
-from rover_sweep.diagnosis.simulation.candidates import Model, possible
+from rover_sweep.diagnosis.simulation.candidates import Model, has_roll, possible
 from rover_sweep.diagnosis.simulation.experiment import Experiment
 
 SURE = 0.8
@@ -273,14 +273,12 @@ EQUAL_COST = 1.3  # factor on the most complex model's cost, up to which a simpl
 
 def baseline_of(runs: Sequence[Experiment], rover: Geometry) -> Baseline:
     """The baseline of a simulation, with the noise floor of the most complex model's residual."""
-    has_roll = bool(rover.sprung_mass and rover.h and rover.roll_inertia)
-    ladder = LADDER if has_roll else LADDER[:-1]
+    ladder = LADDER if has_roll(rover) else LADDER[:-1]
     fullest, found = fit_with_floor(runs, Model(ladder[-1], rover, Tolerances()), {})
     problem = with_floor(runs, fullest.floor)
     for baseline in ladder[:-1]:
         model = Model(baseline, rover, Tolerances())
-        start = {c.name: c.start for c in model.free}
-        if fit(problem, model.structure, model.free, start).data_cost < EQUAL_COST * found.data_cost:
+        if fit(problem, model.structure, model.free, model.start).data_cost < EQUAL_COST * found.data_cost:
             return baseline
     return ladder[-1]
 

@@ -23,10 +23,10 @@ from rover_sweep.diagnosis.effects.effect import (
     VehicleEffect,
 )
 from rover_sweep.diagnosis.problem.least_squares import COARSE, Fitted, fit, sensitivities
-from rover_sweep.diagnosis.problem.residuals import Problem, Rows, centred, problem
+from rover_sweep.diagnosis.problem.residuals import Problem, Rows, problem, signals_left
 from rover_sweep.diagnosis.problem.signatures import Signature, columns, signatures, speed_drift
 from rover_sweep.diagnosis.simulation.candidates import Model, possible
-from rover_sweep.diagnosis.simulation.experiment import RATE, Experiment
+from rover_sweep.diagnosis.simulation.experiment import CHANNELS, RATE, Experiment
 from rover_sweep.diagnosis.simulation.simulator import Sensors, logged, motion, sensed
 from rover_sweep.diagnosis.simulation.structure import Structure
 from rover_sweep.diagnosis.simulation.table_law import FORCES, force_at
@@ -250,7 +250,7 @@ class ModelFit:
     @property
     def misfit(self) -> dict[str, float]:
         """{channel: mean square of its residual rows with tolerances allowed for, 1 at the noise floor}."""
-        parts = {c: self.problem.part(self.fitted.rows, channel=c) for c in ("r", "ay", "p", "vy")}
+        parts = {c: self.problem.part(self.fitted.rows, channel=c) for c in CHANNELS}
         return {c: float(np.mean(part**2)) for c, part in parts.items() if part.size}
 
     def with_explanation(self, model: Model, fitted: Fitted) -> ModelFit:
@@ -297,7 +297,7 @@ def fit_with_floor(
 
     start: {coordinate: value}. near: it comes from an earlier fit, so one pass is enough.
     """
-    x = {**{c.name: c.start for c in model.free}, **start}
+    x = {**model.start, **start}
     for _ in range(1 if near else 2):
         found = with_floor_of(runs, model, x)
         fitted = fit(found, model.structure, model.free, x)
@@ -307,8 +307,4 @@ def fit_with_floor(
 
 def with_floor_of(runs: Sequence[Experiment], model: Model, x: Mapping[str, float]) -> Problem:
     """The problem of the runs with the noise floor of a model's residual. x: {coordinate: value}."""
-    residuals = []
-    for run in runs:
-        model_log = logged(run, model.structure, x, Sensors.of(run))
-        residuals.append({c: y - model_log[c] for c, y in centred(run).items()})
-    return problem(runs, residuals)
+    return problem(runs, [signals_left(run, model.structure, x) for run in runs])

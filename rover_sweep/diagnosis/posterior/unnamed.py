@@ -327,7 +327,7 @@ def held_out_costs(
     held: Problem, fitted: Fitted, chosen: Sequence[UnnamedFamily], variance: float
 ) -> tuple[float, list[float]]:
     """(sum of squares of a held-out run's rows, the same with each family), to first order."""
-    here = replace(fitted, rows=held.measured - held.model(fitted.structure, fitted.x))
+    here = replace(fitted, rows=held.residual(fitted.structure, fitted.x))
     jacobian = sensitivities(held, here).jacobian
     found = transfers(held.runs, fitted.structure, fitted.x)
     every, ends = columns_of(held, found, [f.law for f in chosen])

@@ -102,7 +102,7 @@ def fit(
     free = tuple(free)
     x = {**start, **{c.name: float(np.clip(start.get(c.name, c.start), c.low, c.high)) for c in free}}
     given, problem = problem, problem.steadied(structure, x)
-    rows = problem.measured - problem.model(structure, x)
+    rows = problem.residual(structure, x)
     cost = rows @ rows + _prior_cost(free, x)
     damping = 1e-3
     jacobian = np.empty((problem.size, 0))
@@ -111,7 +111,7 @@ def fit(
         improved = False
         for _ in range(5):
             trial = _step(free, x, jacobian, rows, damping)
-            trial_rows = problem.measured - problem.model(structure, trial)
+            trial_rows = problem.residual(structure, trial)
             trial_cost = trial_rows @ trial_rows + _prior_cost(free, trial)
             if trial_cost < cost:
                 improved = True
@@ -124,7 +124,7 @@ def fit(
         damping = max(damping / 10.0, 1e-7)
         if gain < tolerance + 1e-5 * cost:
             break
-    rows = given.measured - given.model(structure, x)
+    rows = given.residual(structure, x)
     return Fitted(structure, free, x, float(rows @ rows + _prior_cost(free, x)), rows, jacobian)
 
 
@@ -202,5 +202,5 @@ def _step(
 
 def cost_of(problem: Problem, fitted: Fitted) -> float:
     """Sum of squares, in the metric of `problem`, of the residual of a model fitted in another metric."""
-    rows = problem.measured - problem.model(fitted.structure, fitted.x)
+    rows = problem.residual(fitted.structure, fitted.x)
     return float(rows @ rows)

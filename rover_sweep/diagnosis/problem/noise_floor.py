@@ -40,7 +40,7 @@ Pintelon and Schoukens 2012: System Identification, a frequency domain approach,
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache
 
 import numpy as np
@@ -81,6 +81,10 @@ class Floor:
         inside = np.exp(np.interp(f, self.f, np.log(self.density[channel])))
         lowest = self.f[0]
         return np.where(f < lowest, inside * (lowest / np.maximum(f, 0.05 * lowest)) ** 2, inside)
+
+    def times(self, levels: Mapping[str, float]) -> Floor:
+        """The floor with the density of each channel times its level, 1 where there is none."""
+        return replace(self, density={c: d * levels.get(c, 1.0) for c, d in self.density.items()})
 
     def rms(self, channel: str, low: float, high: float) -> float:
         """RMS of the noise between two frequencies [Hz], in the channel's SI unit."""

@@ -120,6 +120,10 @@ class Problem:
         """The model's whitened rows (size,). x: {coordinate: value, SI units}."""
         return self._of_model(self.plain_models(structure, [x])[0])
 
+    def residual(self, structure: Structure, x: Mapping[str, float]) -> Array:
+        """Whitened rows (size,), measured minus model."""
+        return self.measured - self.model(structure, x)
+
     def plain_models(self, structure: Structure, xs: Sequence[Mapping[str, float]]) -> list[Array]:
         """The model's whitened rows (size,) without the metric for each set of coordinates, on two threads.
 
@@ -228,6 +232,12 @@ def with_floor(runs: Sequence[Experiment], floor: Floor) -> Problem:
 def centred(run: Experiment) -> dict[str, Array]:
     """Measurements {channel: (n,)} minus the gyro biases at standstill; the bias of a_y is a coordinate."""
     return {c: x - (run.at_rest.get(c, 0.0) if c in ("r", "p") else 0.0) for c, x in run.measured.items()}
+
+
+def signals_left(run: Experiment, structure: Structure, x: Mapping[str, float]) -> dict[str, Array]:
+    """What a model leaves of the measurements {channel: (n,)}, SI units."""
+    log = logged(run, structure, x, Sensors.of(run))
+    return {c: y - log[c] for c, y in centred(run).items()}
 
 
 def _rows(run: Experiment, index: int, channel: str, floor: Floor, start: int) -> Rows:

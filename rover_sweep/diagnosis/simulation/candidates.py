@@ -99,6 +99,11 @@ def coordinates(
     return tuple(out)
 
 
+def has_roll(rover: Geometry) -> bool:
+    """True where the vehicle file has the numbers of a model with roll."""
+    return bool(rover.sprung_mass and rover.h and rover.roll_inertia)
+
+
 def physical_numbers(x: Mapping[str, float], rover: Geometry) -> dict[str, float]:
     """{name as in `implausible`: SI value} of the coordinates of a fitted model."""
     out = {name: exp(x[f"ln_{name}"]) for name in ("Izz", "k_phi") if f"ln_{name}" in x}
@@ -250,7 +255,7 @@ class Model:
     def roll(self) -> bool:
         """True if the body rolls."""
         if self.baseline == "lumped":
-            return bool(self.rover.sprung_mass and self.rover.h and self.rover.roll_inertia)
+            return has_roll(self.rover)
         return self.baseline == "roll-yaw" or "roll_dof" in self.effects
 
     @property
@@ -285,6 +290,11 @@ class Model:
         for name in self.effects:
             out += added_coordinates(self.law(name))
         return tuple(out)
+
+    @property
+    def start(self) -> dict[str, float]:
+        """{coordinate: value} to begin a fit from."""
+        return {c.name: c.start for c in self.free}
 
     def _nominal(self) -> tuple[Coordinate, ...]:
         if not self.lumped:
@@ -379,9 +389,7 @@ def why_unseen(effect: Effect, model: Model, runs: Sequence[Experiment]) -> str:
         return "no V_y was recorded, so the lumped derivatives include it"
     if effect.id == "cross_slope" and not any(run.has_heading for run in runs):
         return "no heading was recorded"
-    if effect.id == "roll_dof" and not (
-        model.rover.sprung_mass and model.rover.h and model.rover.roll_inertia
-    ):
+    if effect.id == "roll_dof" and not has_roll(model.rover):
         return "the vehicle file has no sprung mass, height or roll inertia"
     return ""
 
