@@ -35,6 +35,7 @@ from rover_sweep.data.recording import Array
 from rover_sweep.diagnosis.effects import EffectParameter, every_form, form_named
 from rover_sweep.diagnosis.locate import mismatches
 from rover_sweep.diagnosis.posterior.infer import Inference, Options, infer
+from rover_sweep.diagnosis.posterior.upper_bounds import ONE_SIDED
 from rover_sweep.diagnosis.problem.signatures import Signature, signatures
 from rover_sweep.diagnosis.result import UpperBound
 from rover_sweep.diagnosis.search import screen, tangent
@@ -46,7 +47,6 @@ from rover_sweep.errors import DataRefused
 # How much each quantity and effect could still differ between simulation and recordings, at 95 %.
 
 
-ONE_SIDED = 1.645
 CLEAR = 30.0  # chi-squared of a difference; by chance rarer than 1 in 100 000 for 40 parameters
 NEARLY, MOST = 0.3, 3  # share of the clearest one's chi-squared, and number, of suspects that are fitted
 FAINT = 1e-3  # length of a signature that no data show
@@ -142,23 +142,15 @@ def _bound(p: EffectParameter, low: float, high: float) -> UpperBound:
 MOST_ADDED = 2  # effects that are added
 
 
-@dataclass(frozen=True, eq=False)
-class Suspected:
-    """Both sides with the added effects. alike: {added effect: others that explain nearly as much}."""
-
-    recordings: FittedSide
-    simulation: FittedSide
-    alike: Mapping[str, tuple[str, ...]]
-
-
 def with_suspects(
     recorded: Sequence[Experiment],
     recordings: FittedSide,
     simulation: FittedSide,
     fitted: dict[tuple[str, ...], FittedSide],
-) -> Suspected:
-    """Both sides with the effects added in which they differ clearly; of several the one that fits best.
+) -> tuple[FittedSide, FittedSide, dict[str, tuple[str, ...]]]:
+    """(recordings, simulation, {added effect: others that explain nearly as much}).
 
+    Effects are added in which both sides differ clearly; of several the one that fits best.
     recorded: the recorded runs. fitted: {laws and run: the recordings fitted with them}, used and filled.
     """
     alike: dict[str, tuple[str, ...]] = {}
@@ -178,7 +170,7 @@ def with_suspects(
         best = max(gains, key=lambda name: gains[name])
         alike[best] = tuple(n for n, gain in gains.items() if n != best and gain > ALIKE * gains[best])
         recordings, simulation = tried[best]
-    return Suspected(recordings, simulation, alike)
+    return recordings, simulation, alike
 
 
 def _cost(one: FittedSide, two: FittedSide) -> float:
@@ -254,8 +246,8 @@ def compare(
     recordings, simulation = _sides(pairs, model, effects, options, known_fits)
     alike: Mapping[str, tuple[str, ...]] = {}
     if not unnamed:
-        more = with_suspects([p.recorded for p in pairs], recordings, simulation, known_fits)
-        recordings, simulation, alike = more.recordings, more.simulation, more.alike
+        runs = [p.recorded for p in pairs]
+        recordings, simulation, alike = with_suspects(runs, recordings, simulation, known_fits)
     progress("comparing simulation and recordings", 0.8)
     found = found_between(recordings, simulation, seed, measured)
     clear, minor = differences(found)
@@ -336,7 +328,8 @@ def _sides(
     simulated = as_noisy(raw, own.plain.floor, first.plain.floor)
     if any(a is not b for a, b in zip(simulated, raw, strict=True)):
         own = side_of(simulated, common, own.fitted.x, has)
-    if effects is not None or not _more_in(own):
+    more_in_it = own.fitted.overdispersion > SOME_LEFT or largest_score(own) > SUSPICIOUS
+    if effects is not None or not more_in_it:
         return first, own
     more = _searched(simulated, common, first, options)
     both = common_model(model, [n.law.name for n in more.named], seen)
@@ -349,11 +342,6 @@ def _sides(
         for run in (where.happened_in, partners.get(where.happened_in, ""))
     )
     return recordings(ours, first.fitted.x), side_of(simulated, theirs, more.last.fitted.x, has)
-
-
-def _more_in(side: FittedSide) -> bool:
-    """True where an effect that the model lacks could explain a part of the side's residual."""
-    return side.fitted.overdispersion > SOME_LEFT or largest_score(side) > SUSPICIOUS
 
 
 def _searched(

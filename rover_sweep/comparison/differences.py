@@ -20,16 +20,22 @@ from rover_sweep.comparison.common_model import PENALTY, Chosen, FittedSide, Sub
 from rover_sweep.data.recording import Array
 from rover_sweep.data.results import ByName, Quantity
 from rover_sweep.diagnosis.effects import Effect
-from rover_sweep.diagnosis.effects.effect import DegreeOfFreedom, FilterEffect, NominalEffect, SensorEffect
+from rover_sweep.diagnosis.effects.effect import (
+    DegreeOfFreedom,
+    FilterEffect,
+    NominalEffect,
+    Reported,
+    SensorEffect,
+    Values,
+)
+from rover_sweep.diagnosis.posterior.parameter_intervals import DRAWS, LEVEL, UNBOUNDED, shown_end
 from rover_sweep.diagnosis.search import material_sizes
 from rover_sweep.diagnosis.simulation.candidates import Coordinate, Model
 
 # The numbers, effects and instruments in which simulation and recordings can differ.
 
 
-Values = Mapping[str, float]
 Known = Mapping[str, tuple[float, float]]  # {coordinate: (recordings minus simulation, standard deviation)}
-Reported = dict[str, tuple[float, str, str]]  # {parameter: (value, unit, meaning)}
 INSTRUMENT_EFFECTS = {"clock_offset", "velocity_lag", "imu_offset", "imu_tilt"}
 SMALL = 0.03  # relative change of a number that does not matter
 
@@ -61,43 +67,44 @@ class Comparable:
         return out
 
 
-@dataclass(frozen=True)
-class _Number:
-    """A number of the model: what it moves, its value, and the change that matters."""
-
-    name: str
-    unit: str
-    meaning: str
-    moves: Mapping[str, float]
-    of: Callable[[Values], float]
-    matters: float = SMALL
-    relative: bool = False
-    kind: Kind = "number"
-
-
-def _exp(*parts: tuple[str, float]) -> Callable[[Values], float]:
-    return lambda x: exp(sum(factor * x.get(name, 0.0) for name, factor in parts))
+def _number(
+    name: str,
+    words: tuple[str, str],
+    moves: Values,
+    of: Callable[[Values], float],
+    matters: float,
+    relative: bool = False,
+    kind: Kind = "number",
+) -> Comparable:
+    """A number of the model. words: (unit, meaning); moves: coordinates; of: its value at coordinates."""
+    return Comparable(name, kind, (moves,), lambda x: {name: (of(x), *words)}, matters, relative)
 
 
-def _own(name: str) -> Callable[[Values], float]:
-    return lambda x: x.get(name, 0.0)
+def _exp(*parts: tuple[str, float], size: float = 1.0) -> Callable[[Values], float]:
+    return lambda x: size * exp(sum(factor * x.get(name, 0.0) for name, factor in parts))
 
 
-def _relative(name: str, unit: str, meaning: str, coordinate: str, matters: float) -> _Number:
-    return _Number(name, unit, meaning, {coordinate: 1.0}, _exp((coordinate, 1.0)), matters, True)
+def _relative(
+    name: str, unit: str, meaning: str, coordinate: str, matters: float, size: float = 1.0
+) -> Comparable:
+    of = _exp((coordinate, 1.0), size=size)
+    return _number(name, (unit, meaning), {coordinate: 1.0}, of, matters, True)
 
 
-def _axle(name: str, meaning: str, sign: float) -> _Number:
+def _axle(name: str, meaning: str, sign: float) -> Comparable:
     """One axle's stiffness: Cf = C sqrt(ratio), Cr = C/sqrt(ratio); the other one stays."""
-    value = _exp(("ln_C", 1.0), ("ln_ratio", 0.5 * sign))
-    return _Number(name, "N/rad", meaning, {"ln_C": 0.5, "ln_ratio": sign}, value, 0.05, True)
+    of = _exp(("ln_C", 1.0), ("ln_ratio", 0.5 * sign))
+    return _number(name, ("N/rad", meaning), {"ln_C": 0.5, "ln_ratio": sign}, of, 0.05, True)
 
 
-def _absolute(name: str, unit: str, meaning: str, coordinate: str, matters: float, kind: Kind) -> _Number:
-    return _Number(name, unit, meaning, {coordinate: 1.0}, _own(coordinate), matters, False, kind)
+def _absolute(name: str, unit: str, meaning: str, coordinate: str, matters: float, kind: Kind) -> Comparable:
+    def of(x: Values) -> float:
+        return x.get(coordinate, 0.0)
+
+    return _number(name, (unit, meaning), {coordinate: 1.0}, of, matters, False, kind)
 
 
-_NUMBERS: tuple[_Number, ...] = (
+_NUMBERS: tuple[Comparable, ...] = (
     _relative("C", "N/rad", "cornering stiffness of an axle, both axles", "ln_C", SMALL),
     _axle("Cf", "cornering stiffness, front axle", 1.0),
     _axle("Cr", "cornering stiffness, rear axle", -1.0),
@@ -126,66 +133,39 @@ _NUMBERS: tuple[_Number, ...] = (
 def quantities(model: Model, coordinates: tuple[Coordinate, ...]) -> tuple[Comparable, ...]:
     """All quantities that move a coordinate of the model."""
     known = {c.name for c in coordinates}
-    numbers = (_quantity(n) for n in (*_of_rover(model), *_NUMBERS) if n.moves.keys() <= known)
+    numbers = (n for n in (*_of_rover(model), *_NUMBERS) if n.parts[0].keys() <= known)
     return (*numbers, *_effects(model, known))
 
 
-def _of_rover(model: Model) -> Iterator[_Number]:
+def _of_rover(model: Model) -> Iterator[Comparable]:
     """Numbers of the vehicle file, with their nominal values."""
     rover = model.rover
-    yield _Number(
-        "rad_per_us",
-        "of the vehicle file",
-        "steering angle per PWM",
-        {"scale": 1.0},
-        lambda x: 1.0 + x.get("scale", 0.0),
-        0.02,
-        True,
+    steering, place = (
+        ("of the vehicle file", "steering angle per PWM"),
+        ("m", "centre of mass to the front axle"),
     )
-    yield _Number(
-        "cg_to_front_axle",
-        "m",
-        "centre of mass to the front axle",
-        {"da": 1.0},
-        lambda x: rover.a + x.get("da", 0.0),
-        0.008,
-    )
-    for name, size, unit, meaning in (
-        ("h", rover.h, "m", "height of the sprung mass above the roll axis"),
-        ("Ixx", rover.roll_inertia, "kg m^2", "roll inertia"),
-    ):
-        if size:
-            value = size
-            yield _Number(
-                name,
-                unit,
-                meaning,
-                {f"ln_{name}": 1.0},
-                lambda x, n=name, v=value: v * exp(x.get(f"ln_{n}", 0.0)),  # type: ignore[misc]
-                0.10,
-                True,
-            )
-
-
-def _quantity(n: _Number) -> Comparable:
-    def report(x: Values) -> Reported:
-        return {n.name: (n.of(x), n.unit, n.meaning)}
-
-    return Comparable(n.name, n.kind, (n.moves,), report, n.matters, n.relative)
+    yield _number("rad_per_us", steering, {"scale": 1.0}, lambda x: 1.0 + x.get("scale", 0.0), 0.02, True)
+    yield _number("cg_to_front_axle", place, {"da": 1.0}, lambda x: rover.a + x.get("da", 0.0), 0.008)
+    if rover.h:
+        yield _relative("h", "m", "height of the sprung mass above the roll axis", "ln_h", 0.10, rover.h)
+    if rover.roll_inertia:
+        yield _relative("Ixx", "kg m^2", "roll inertia", "ln_Ixx", 0.10, rover.roll_inertia)
 
 
 def _effects(model: Model, known: set[str]) -> Iterator[Comparable]:
     for effect in (model.law(name) for name in model.effects):
         if isinstance(effect, NominalEffect):
             continue
-        moved = _moved(effect, known)
-        if moved:
+        measures = isinstance(effect, SensorEffect | FilterEffect) or effect.id in INSTRUMENT_EFFECTS
+        if moved := _moved(effect, known):
             yield Comparable(
                 effect.id,
-                "instrument" if _of_instruments(effect) else "size",
+                "instrument" if measures else "size",
                 tuple({name: 1.0} for name in moved),
                 effect.reported,
-                _matters(effect, model),
+                material_sizes(effect, model.spread, model.rover.wheelbase).get(
+                    effect.parameters[0].name, 0.0
+                ),
                 effect=effect,
             )
 
@@ -197,20 +177,8 @@ def _moved(effect: Effect, known: set[str]) -> list[str]:
     return [n for p in effect.parameters if (n := effect.coordinate_name(p)) in known and not p.nominal]
 
 
-def _of_instruments(effect: Effect) -> bool:
-    return isinstance(effect, SensorEffect | FilterEffect) or effect.id in INSTRUMENT_EFFECTS
-
-
-def _matters(effect: Effect, model: Model) -> float:
-    sizes = material_sizes(effect, model.spread, model.rover.wheelbase)
-    first = effect.parameters[0]
-    return sizes.get(first.name, 0.0)
-
-
-DRAWS, LEVEL = 400, (5.0, 95.0)
 ALIKE = 0.85  # share of a quantity's gain from which another one in its place is a look-alike
 ABSENT_SHARE = 0.2  # of the other side's size, up to which an effect counts as absent on one side
-UNBOUNDED = 1e9
 
 
 @dataclass(frozen=True, eq=False)
@@ -343,7 +311,9 @@ def _named(side: FittedSide, rows: Array) -> tuple[Values, ...]:
 
 def differences(found: Found) -> tuple[tuple[Difference, ...], tuple[Difference, ...]]:
     """(those that matter, those within normal tolerance), instruments first, then the largest gain."""
-    every = [(_difference(found, k), _does_matter(found, k)) for k in found.chosen]
+    sides = found.recordings[0], found.simulation[0]
+    chosen = [(k, found.candidates[k]) for k in found.chosen]
+    every = [(_difference(found, k), _how_far(q, *sides) >= q.matters) for k, q in chosen]
     order: dict[Kind, int] = {"instrument": 0}
     every.sort(key=lambda e: (order.get(e[0].kind, 1), -e[0].gain))
     return tuple(d for d, m in every if m), tuple(d for d, m in every if not m)
@@ -384,16 +354,8 @@ def _values(q: Comparable, side: Sequence[Values]) -> ByName[Quantity]:
     out = []
     for name, (value, unit, meaning) in q.report(centre).items():
         low, high = np.percentile([min(max(r[name][0], -1e12), 1e12) for r in reports], LEVEL)
-        out.append(Quantity(name, unit, min(value, UNBOUNDED), _limit(low), _limit(high), meaning))
+        out.append(Quantity(name, unit, min(value, UNBOUNDED), shown_end(low), shown_end(high), meaning))
     return ByName(out)
-
-
-def _limit(x: float) -> float | None:
-    return float(x) if abs(x) < UNBOUNDED else None
-
-
-def _amounts(q: Comparable, x: Values) -> Array:
-    return np.array([x.get(next(iter(part)), 0.0) for part in q.parts])
 
 
 def _kind(q: Comparable, found: Found) -> Kind:
@@ -402,16 +364,11 @@ def _kind(q: Comparable, found: Found) -> Kind:
         return q.kind
     if q.effect.id in ("tyre_slip", "roll_dof"):
         return "left out"
-    one, two = (float(np.abs(_amounts(q, side[0])[0])) for side in (found.simulation, found.recordings))
+    first = next(iter(q.parts[0]))
+    one, two = (abs(side[0].get(first, 0.0)) for side in (found.simulation, found.recordings))
     if one < ABSENT_SHARE * two:
         return "left out"
     return "too much" if two < ABSENT_SHARE * one else "size"
-
-
-def _does_matter(found: Found, k: int) -> bool:
-    q = found.candidates[k]
-    moved = _how_far(q, found.recordings[0], found.simulation[0])
-    return moved >= q.matters
 
 
 def _how_far(q: Comparable, one: Values, two: Values) -> float:

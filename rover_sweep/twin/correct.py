@@ -83,7 +83,7 @@ def halved(before: PlantParameters, by: Corrected) -> Corrected:
         for name, entry in after.effects.items()
     }
     rover = replace(after, **changed, effects=effects)  # type: ignore[arg-type]
-    texts = {name: _text(getattr(rover, name)) for name in changed}
+    texts = {name: number_text(getattr(rover, name)) for name in changed}
     texts |= {f"effects.{name}": _entry_text(entry) for name, entry in rover.effects.items()}
     return Corrected(
         rover, tuple(replace(c, after=texts.get(c.entry, c.after)) for c in by.corrections), by.left
@@ -105,7 +105,9 @@ def _entries(before: PlantParameters, after: PlantParameters, d: Difference) -> 
     for name in vars(after):
         one, two = getattr(before, name), getattr(after, name)
         if name != "effects" and one != two:
-            yield Correction(name, _text(one), _text(two), _in_plant(name, two, d) or shown, _why(d))
+            yield Correction(
+                name, number_text(one), number_text(two), _in_plant(name, two, d) or shown, _why(d)
+            )
     for name in {**before.effects, **after.effects}:
         one, two = before.effects.get(name), after.effects.get(name)
         if one != two:
@@ -142,14 +144,15 @@ def _each(d: Difference) -> str:
     return "; ".join(f"{v.name} {value_text(v)}" for v in d.recordings)
 
 
-def _text(value: object) -> str:
+def number_text(value: object) -> str:
+    """A value of a variant file with four digits."""
     if isinstance(value, tuple):
-        return "[" + ", ".join(_text(part) for part in value) + "]"
+        return "[" + ", ".join(number_text(part) for part in value) + "]"
     return f"{value:.4g}" if isinstance(value, float) else str(value)
 
 
 def _entry_text(entry: Entry | None) -> str:
-    return "" if entry is None else ", ".join(f"{name} {_text(value)}" for name, value in entry.items())
+    return "" if entry is None else ", ".join(f"{name} {number_text(value)}" for name, value in entry.items())
 
 
 def _change(rover: PlantParameters, d: Difference) -> float:

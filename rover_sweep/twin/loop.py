@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from rover_sweep.comparison.answer import Comparison, Correction, Twin, TwinDrive
-from rover_sweep.comparison.compare import Compared
+from rover_sweep.comparison.compare import AGREE, Compared
 from rover_sweep.comparison.differences import Known
 from rover_sweep.comparison.direct import bode, driven_again, histories_of
 from rover_sweep.data.recording import Recording
@@ -31,7 +31,7 @@ from rover_sweep.redrive.recorded_course import (
     on_the_clock,
     refuse_instant,
 )
-from rover_sweep.twin.correct import NOT_IN_THE_PLANT, Corrected, corrected, halved
+from rover_sweep.twin.correct import NOT_IN_THE_PLANT, Corrected, corrected, halved, number_text
 from sitl.plant.effects_table import FORMS
 from sitl.plant.variant import PlantParameters, load_variant
 from sitl.plant.variant_text import law_text, value_text
@@ -81,15 +81,9 @@ def measured_differences(vehicle: Vehicle, rover: PlantParameters) -> Known:
 def _entry(
     name: str, rover: PlantParameters, scaled: PlantParameters, new: PlantParameters, vehicle: Vehicle
 ) -> Correction:
-    before, after = _text(getattr(rover, name)), _text(getattr(new, name))
+    before, after = number_text(getattr(rover, name)), number_text(getattr(new, name))
     in_file = getattr(vehicle, name, None) is not None or getattr(scaled, name) != getattr(new, name)
     return Correction(name, before, after, after if in_file else "", MEASURED if in_file else GROWN)
-
-
-def _text(value: object) -> str:
-    if isinstance(value, tuple):
-        return "[" + ", ".join(_text(part) for part in value) + "]"
-    return f"{value:.4g}" if isinstance(value, float) else str(value)
 
 
 @dataclass(frozen=True, eq=False)
@@ -206,7 +200,6 @@ def _rounded(value: object) -> object:
 
 MOST_DRIVES = 5
 MOST_IN_VAIN = 2  # drives in a row that do not help: with a correction, and with half of it
-AGREES = 1.3  # rms of each run over the noise of both
 HELPED = 0.98  # of the level before, below which a correction helped
 SETTLED = 1.0  # level at which small differences are left alone
 
@@ -311,7 +304,7 @@ def with_last_drive(
         last = _compared(rover, model, drive, compare).answer
     except RoverSweepError as error:
         return replace(twin, remarks=(*twin.remarks, f"the drive on {simulator} does not count: {error}"))
-    agrees = all(a.overall <= AGREES for a in last.agreement)
+    agrees = all(a.overall <= AGREE for a in last.agreement)
     words = _sentence(agrees, last, len(twin.corrections), len(twin.rounds) + 1)
     rounds = (*twin.rounds, TwinDrive(last, (), simulator))
     return replace(twin, sentence=f"driven on {simulator}: {words}", agrees=agrees, rounds=rounds)
@@ -321,7 +314,7 @@ def _to_correct(found: Comparison) -> bool:
     """True where a difference matters that the rover can have, or the runs still differ for small ones."""
     if any(d.name not in NOT_IN_THE_PLANT for d in found.differences):
         return True
-    return bool(found.minor) and any(a.overall > AGREES for a in found.agreement if not a.held_out)
+    return bool(found.minor) and any(a.overall > AGREE for a in found.agreement if not a.held_out)
 
 
 def _compared(
@@ -371,7 +364,7 @@ def _twin(
     seconds: float,
 ) -> Twin:
     first, last = driven[0].compared, kept[-1].compared
-    agrees = all(a.overall <= AGREES for a in last.answer.agreement)
+    agrees = all(a.overall <= AGREE for a in last.answer.agreement)
     after = [*driven[1:], None]
     rounds = tuple(
         TwinDrive(d.compared.answer, n.by.corrections if n else ())

@@ -49,6 +49,11 @@ TYPICAL = {"ln_C": log(2.5 / 3.0), "ln_b_phi": log(2.0)}
 m g/2, and the roll mode has 0.37 to 0.43 of its critical damping. A fit starts from half that damping, with
 which roll steer would show twice as much."""
 
+# A camera or a potentiometer at a wheel of a rover on blocks: 0.3 deg rms at 60 Hz.
+ANGLE_NOISE = 2 * (0.3 * np.pi / 180.0) ** 2 / 60.0  # rad^2/Hz
+ANGLE_BAND = (0.05, 8.0)  # Hz
+ANGLE_SCALE, ANGLE_CLOCK = 0.03, 0.005  # standard deviations of the relative scale, and of the offset [s]
+
 Key = tuple[str, str]
 """Of a column: ("nominal", coordinate), ("usual", what every rover has) or (effect, parameter)."""
 
@@ -73,20 +78,6 @@ class Reach:
     def times(self, factor: float) -> Reach:
         """As far as a multiple of this distance."""
         return Reach(self.start, factor * self.distance, self.end)
-
-
-@dataclass(frozen=True)
-class AngleMeasurement:
-    """A camera or a potentiometer at a wheel of a rover on blocks: 0.3 deg rms at 60 Hz.
-
-    noise [rad^2/Hz], band [Hz]. scale, clock: standard deviations of the relative scale and of the offset to
-    the command [s].
-    """
-
-    noise: float = 2 * (0.3 * np.pi / 180.0) ** 2 / 60.0
-    band: tuple[float, float] = (0.05, 8.0)
-    scale: float = 0.03
-    clock: float = 0.005
 
 
 @dataclass(frozen=True, eq=False)
@@ -219,10 +210,9 @@ def _signatures(run: Basis, given: Assumed, effect: Effect) -> list[Signature]:
 
 
 def _on_blocks(run: Experiment) -> OnBlocks:
-    angle = AngleMeasurement()
     f: Array = np.asarray(np.fft.rfftfreq(run.t.size, 1 / RATE), np.float64)
-    bins = np.flatnonzero((f >= angle.band[0]) & (f <= angle.band[1]))
-    weight = np.full(bins.size, 1.0 / np.sqrt(angle.noise * RATE / 4 * np.sum(run.taper**2)))
+    bins = np.flatnonzero((f >= ANGLE_BAND[0]) & (f <= ANGLE_BAND[1]))
+    weight = np.full(bins.size, 1.0 / np.sqrt(ANGLE_NOISE * RATE / 4 * np.sum(run.taper**2)))
     nothing = np.zeros(2 * bins.size)
     none = Floor(np.ones(1), {})  # the noise of the angle is in the weight
     return OnBlocks((run,), (), none, (Rows(0, "delta", bins, f[bins], weight, 0),), nothing, nothing)
@@ -230,10 +220,10 @@ def _on_blocks(run: Experiment) -> OnBlocks:
 
 def _measured(problem: Problem, given: Assumed) -> list[Signature]:
     """Signatures of scale and clock of the angle measurement, at one standard deviation."""
-    angle, row, run = AngleMeasurement(), problem.rows[0], problem.runs[0]
+    row, run = problem.rows[0], problem.runs[0]
     lines = rfft(wheel_angle(run, given.model.structure, given.x) * run.taper)[row.bins] * row.weight
-    late = lines * (-2j * np.pi * row.f) * angle.clock
+    late = lines * (-2j * np.pi * row.f) * ANGLE_CLOCK
     return [
         Signature("servo_test", name, size, True, np.concatenate((part.real, part.imag)))
-        for name, size, part in (("scale", angle.scale, lines * angle.scale), ("clock", angle.clock, late))
+        for name, size, part in (("scale", ANGLE_SCALE, lines * ANGLE_SCALE), ("clock", ANGLE_CLOCK, late))
     ]

@@ -107,8 +107,10 @@ def effect_values(effect: Effect, last: ModelFit, drawn: list[dict[str, float]])
     out, drawn = [], _with_doubt(effect, drawn)
     for name, (value, unit, meaning) in effect.reported(last.fitted.x).items():
         low, high = _interval(drawn, lambda x, n=name: effect.reported(x)[n][0])  # type: ignore[misc]
-        begin = _begin(last) if effect.in_one_run and name == "t" else 0.0
-        found = Quantity(name, unit, value + begin, _number(low + begin), _number(high + begin), meaning)
+        begin = 0.0
+        if effect.in_one_run and name == "t":  # on the clock of the recording
+            begin = next(r.begin for r in last.problem.runs if r.name == last.model.happened_in)
+        found = Quantity(name, unit, value + begin, shown_end(low + begin), shown_end(high + begin), meaning)
         out.append(found if np.isfinite(value) else _unbounded(found))
     return tuple(out)
 
@@ -147,11 +149,6 @@ def _with_doubt(effect: Effect, drawn: list[dict[str, float]]) -> list[dict[str,
     return out
 
 
-def _begin(last: ModelFit) -> float:
-    """Start of the run in which the ground changed, on its recording's clock [s]."""
-    return next(r.begin for r in last.problem.runs if r.name == last.model.happened_in)
-
-
 def _interval(
     drawn: list[dict[str, float]], of: Callable[[Mapping[str, float]], float]
 ) -> tuple[float, float]:
@@ -161,7 +158,8 @@ def _interval(
     return float(low), float(high)
 
 
-def _number(x: float) -> float | None:
+def shown_end(x: float) -> float | None:
+    """An end of an interval, None where it is not limited."""
     return float(x) if np.isfinite(x) and abs(x) < UNBOUNDED else None
 
 
@@ -178,12 +176,10 @@ def _unbounded(v: Quantity) -> Quantity:
 
 
 WIDE = 3.0  # standard deviations from which a bound takes over where the ratio of both axles is a Gaussian
-OF_TYRES = {
+TOLD = {
     "Cf": ("N/rad", "cornering stiffness of the front axle"),
     "Cr": ("N/rad", "cornering stiffness of the rear axle"),
     "K_us": ("deg/g", "understeer gradient"),
-}
-TOLD = {
     "Izz": ("kg m^2", "yaw inertia about the CG"),
     "k_phi": ("N m/rad", "roll stiffness"),
     "b_phi": ("N m s/rad", "roll damping"),
@@ -213,7 +209,7 @@ def rover_numbers(last: ModelFit, seed: int) -> tuple[Quantity, ...]:
     if not values or "Cf" not in values[0]:
         own = [c for c in last.fitted.free if c.parameter]
         return tuple(_value(c.parameter, c.unit, "", [exp(x[c.name]) for x in drawn]) for c in own)
-    told = {name: words for name, words in (OF_TYRES | TOLD).items() if name in values[0]}
+    told = {name: words for name, words in TOLD.items() if name in values[0]}
     return tuple(_value(name, *told[name], [v[name] for v in values]) for name in told)
 
 
@@ -234,18 +230,14 @@ def _with_free_axles(last: ModelFit) -> ModelFit:
 
 def _numbers(x: Mapping[str, float], rover: Geometry) -> dict[str, float]:
     """{name: value} at drawn coordinates."""
-    out = {name: exp(x[f"ln_{name}"]) for name in ("Izz", "k_phi", "b_phi") if f"ln_{name}" in x}
-    if "ln_C" not in x:
-        return out
-    half, moved = 0.5 * x.get("ln_ratio", 0.0), x.get("da", 0.0)
-    front, rear = exp(x["ln_C"] + half), exp(x["ln_C"] - half)
-    gradient = rover.mass / rover.wheelbase * ((rover.b - moved) / front - (rover.a + moved) / rear)
-    return out | {
-        "Cf": front,
-        "Cr": rear,
-        "K_us": degrees(gradient * GRAVITY),
-        "tau": x.get("lag", 0.0) + x.get("delay", 0.0),
-    }
+    out, moved = physical_numbers(x, rover), x.get("da", 0.0)
+    if "ln_b_phi" in x:
+        out["b_phi"] = exp(x["ln_b_phi"])
+    if "Cf" in out:
+        slack = (rover.b - moved) / out["Cf"] - (rover.a + moved) / out["Cr"]
+        out["K_us"] = degrees(rover.mass / rover.wheelbase * slack * GRAVITY)
+        out["tau"] = x.get("lag", 0.0) + x.get("delay", 0.0)
+    return out
 
 
 def _value(name: str, unit: str, meaning: str, values: Sequence[float]) -> Quantity:

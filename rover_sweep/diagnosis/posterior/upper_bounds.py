@@ -67,12 +67,8 @@ class Side:
     run: str = ""
 
 
-@dataclass(frozen=True, eq=False)
-class _End:
-    """One side with the coordinate of its bound; infinite where these runs exclude no size."""
-
-    side: Side
-    coordinate: float
+_End = tuple[Side, float]
+"""One side with the coordinate of its bound; infinite where these runs exclude no size."""
 
 
 def upper_bounds(last: ModelFit, only: Sequence[str] = (), without: Sequence[str] = ()) -> tuple[Unseen, ...]:
@@ -88,29 +84,29 @@ def upper_bounds(last: ModelFit, only: Sequence[str] = (), without: Sequence[str
 
 def _unseen(last: ModelFit, reach: Tangent, effect: Effect) -> Unseen:
     runs = tuple(r.name for r in last.problem.runs)
-    ends = [_end(last, reach, side) for side in sides(effect, last.model, runs)]
-    shown = [e for e in ends if isfinite(e.coordinate)]
+    ends = [(side, _end(last, reach, side)) for side in sides(effect, last.model, runs)]
+    shown = [(side, bound) for side, bound in ends if isfinite(bound)]
     if not shown:
         return Unseen(effect.id, NO_BOUND)
     material = material_sizes(effect, last.model.spread, last.model.rover.wheelbase)
-    largest = max(shown, key=lambda e: abs(e.coordinate) / abs(e.side.parameter.size))
-    above = [abs(e.coordinate) > material.get(e.side.parameter.name, 0.0) for e in shown]
+    largest = max(shown, key=lambda end: abs(end[1]) / abs(end[0].parameter.size))
+    above = [abs(bound) > material.get(side.parameter.name, 0.0) for side, bound in shown]
     ranges, why = _ranges(effect, last.model.laws(effect.id), ends, material), BOUND
     if effect.id == "velocity_lag" and (gps := _gps_lag(last)):
         ranges, why = {**ranges, "T_gps": gps}, BOUND + GPS
     if effect.in_one_run:
         why += HALFWAY
-    change = _change(last, largest, material.get(largest.side.parameter.name, 0.0))
+    change = _change(last, *largest, material.get(largest[0].parameter.name, 0.0))
     return Unseen(effect.id, why, ranges, change, any(above))
 
 
-def _end(last: ModelFit, reach: Tangent, side: Side) -> _End:
-    """The side with its bound."""
+def _end(last: ModelFit, reach: Tangent, side: Side) -> float:
+    """The coordinate of the side's bound."""
     distance = _distance(last, reach, side)
     coordinate = side.start + side.way * (distance if distance <= side.room else inf)
     if side.effect.id in LAGS:
         coordinate = max(coordinate, least_size(side.effect, side.parameter, last.model, last.fitted.x))
-    return _End(side, coordinate)
+    return coordinate
 
 
 def _distance(last: ModelFit, reach: Tangent, side: Side) -> float:
@@ -220,16 +216,13 @@ def _gps_lag(last: ModelFit) -> UpperBound | None:
     return UpperBound("s", 0.0, max(-lowest, 0.0) / EKF_CROSSOVER)
 
 
-def _change(last: ModelFit, end: _End, material: float) -> float:
+def _change(last: ModelFit, side: Side, bound: float, material: float) -> float:
     """Change of r or a_y, the larger one, from normal tolerance to the bound: rms over rms at tolerance.
 
     material: the coordinate from which the effect matters.
     """
-    side = end.side
     normal = max(side.way * side.start, material)
-    near, far = (
-        _at(last, side, c) for c in (side.way * normal, side.way * max(side.way * end.coordinate, normal))
-    )
+    near, far = (_at(last, side, c) for c in (side.way * normal, side.way * max(side.way * bound, normal)))
     squares: dict[str, Array] = {c: np.zeros(2) for c in ("r", "ay")}
     for run in last.problem.runs:
         sensors = Sensors.of(run)
@@ -247,10 +240,11 @@ def _ranges(
     values: dict[str, list[float]] = {}
     units, matters = {}, {}
     for p in {p.name: p for law in laws for p in law.parameters}.values():
-        own = [e for e in ends if e.side.parameter.name == p.name]
-        if not any(isfinite(e.coordinate) for e in own):
+        own = [bound for side, bound in ends if side.parameter.name == p.name]
+        if not any(map(isfinite, own)):
             continue
-        for coordinate in (*(e.coordinate for e in own), *_least(effect)):
+        # an absent effect is always within its range
+        for coordinate in (*own, *(() if effect.id == "clock_offset" else (0.0,))):
             name, units[name], value = reported_value(effect, p, coordinate)
             values.setdefault(name, []).append(value)
         if effect.id == "clock_offset":
@@ -266,11 +260,6 @@ def _ranges(
         )
         for name, found in values.items()
     }
-
-
-def _least(effect: Effect) -> tuple[float, ...]:
-    """The coordinate of an absent effect, which is always within its range."""
-    return () if effect.id == "clock_offset" else (0.0,)
 
 
 def _finite(value: float) -> float | None:
