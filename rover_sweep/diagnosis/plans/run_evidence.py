@@ -224,6 +224,6 @@ def _measured(problem: Problem, given: Assumed) -> list[Signature]:
     lines = rfft(wheel_angle(run, given.model.structure, given.x) * run.taper)[row.bins] * row.weight
     late = lines * (-2j * np.pi * row.f) * ANGLE_CLOCK
     return [
-        Signature("servo_test", name, size, True, np.concatenate((part.real, part.imag)))
+        Signature("servo_test", name, size, np.concatenate((part.real, part.imag)))
         for name, size, part in (("scale", ANGLE_SCALE, lines * ANGLE_SCALE), ("clock", ANGLE_CLOCK, late))
     ]

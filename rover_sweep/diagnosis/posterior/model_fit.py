@@ -199,7 +199,7 @@ def errors_of_coefficients(problem: Problem, fitted: Fitted) -> Iterator[Signatu
     for place, (name, size) in parts.items():
         driving = [t.motion["across"] if name == "trail" else t.motion["p"] / t.motion["V"] for t in found]
         spectra = [tapered_spectrum(t.run, size * s) for t, s in zip(found, driving, strict=True)]
-        yield Signature("structure", name, 1.0, True, added_rows(problem.plain, found, place, spectra))
+        yield Signature("structure", name, 1.0, added_rows(problem.plain, found, place, spectra))
 
 
 def errors_of_responses(problem: Problem, fitted: Fitted) -> list[Signature]:
@@ -223,8 +223,8 @@ def _of_response(channel: str, size: float, members: list[Rows], modelled: Array
             gain[real], gain[imag] = hat * modelled[real], hat * modelled[imag]
             phase[real], phase[imag] = -hat * modelled[imag], hat * modelled[real]
         if gain.any():
-            yield Signature("structure", f"gain of {channel} at {KNOTS[knot]:.3g} Hz", size, True, gain)
-            yield Signature("structure", f"phase of {channel} at {KNOTS[knot]:.3g} Hz", size, True, phase)
+            yield Signature("structure", f"gain of {channel} at {KNOTS[knot]:.3g} Hz", size, gain)
+            yield Signature("structure", f"phase of {channel} at {KNOTS[knot]:.3g} Hz", size, phase)
 
 
 def _hat(knot: int, f: Array) -> Array:

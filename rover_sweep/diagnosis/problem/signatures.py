@@ -37,15 +37,11 @@ from rover_sweep.spectra.side_by_side import side_by_side
 
 @dataclass(frozen=True, eq=False)
 class Signature:
-    """One parameter of one effect: the whitened rows (n,) that `size` of its coordinate adds.
-
-    signed: the amount may be negative.
-    """
+    """One parameter of one effect: the whitened rows (n,) that `size` of its coordinate adds."""
 
     effect: str
     parameter: str
     size: float
-    signed: bool
     rows: Array
 
 
@@ -70,9 +66,7 @@ def signatures(
         for w in _wanted(problem, base, model, e, at or {}, tolerances)
     ]
     rows = side_by_side(lambda w: problem.model(w[3], w[4]) - now, wanted)
-    return [
-        Signature(e.id, p.name, size, e.signed, r) for (e, p, size, _, _), r in zip(wanted, rows, strict=True)
-    ]
+    return [Signature(e.id, p.name, size, r) for (e, p, size, _, _), r in zip(wanted, rows, strict=True)]
 
 
 def _wanted(
@@ -131,6 +125,6 @@ def _of_run(problem: Problem, fitted: Fitted, index: int) -> Iterator[Signature]
         for r in rows:
             column[r.start : r.start + r.size] = parts[start : start + r.size]
             start += r.size
-        return Signature("speed", f"{run.name} {number}", SPEED_ERROR, True, column)
+        return Signature("speed", f"{run.name} {number}", SPEED_ERROR, column)
 
     return side_by_side(signature, [(n, p) for n in range(1, waves + 1) for p in (0.0, 0.5 * np.pi)])

@@ -6,7 +6,7 @@ The modules that simulate, linearise or export it are imported where they are us
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from rover_sweep.data.geometry import GRAVITY, Geometry
@@ -67,9 +67,8 @@ class AugmentedModel:
         from rover_sweep.diagnosis.simulation.candidates import Model
         from rover_sweep.diagnosis.simulation.table_law import with_laws
 
-        model = Model(self.baseline, self.rover, Tolerances(), self.effects, self.happened_in)
-        ordered = replace(model, happened_order=self.happened_order)
-        return with_laws(ordered.structure, self.laws)
+        own = self.baseline, self.rover, Tolerances(), self.effects, self.happened_in
+        return with_laws(Model(*own, happened_order=self.happened_order).structure, self.laws)
 
     @property
     def added(self) -> tuple[Effect, ...]:
