@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -23,10 +22,9 @@ from rover_sweep.quality.coherence import excited_range
 from rover_sweep.quality.verdict import NOT_WHOLE
 from rover_sweep.vehicle.events import RunFinished, RunStarted
 from rover_sweep.vehicle.link.streams import StreamQuality
+from rover_sweep.vehicle.run.follow import COMPLETED, outcome_told
 
 IDLE, STOPPED = 0, 10  # states of the applet
-_SAID = re.compile(r"^SWP: run (\d+) (done|stopped:? *(.*))")
-_ENDED = "the manoeuvre ran to its end"
 
 Entry = tuple[float, int]  # vehicle's clock [s] at which a state was entered, the state
 
@@ -62,11 +60,16 @@ class PlayedRun:
 
     def _outcome(self) -> tuple[bool, str]:
         """(completed, reason) by the applet's status text, else by the notes on the recording."""
-        for t, text in self.log.marks:
-            if self.begin < t <= self.end + 1.0 and (match := _SAID.match(text)):
-                return match[2] == "done", printable(match[3] or "") or ("" if match[2] != "done" else _ENDED)
+        if (told := _told(self.log, self.begin, self.end)) is not None:
+            return told[1], printable(told[2])
         faults = [n.text for n in self.recording.notes if n.text.startswith(NOT_WHOLE[:-1])]
-        return not faults, faults[0] if faults else _ENDED
+        return not faults, faults[0] if faults else COMPLETED
+
+
+def _told(log: Log, begin: float, end: float) -> tuple[int, bool, str] | None:
+    """What the applet told at the end of the run between two times [s]."""
+    texts = (text for t, text in log.marks if begin < t <= end + 1.0)
+    return next(filter(None, map(outcome_told, texts)), None)
 
 
 @dataclass(frozen=True)
@@ -100,8 +103,8 @@ def runs_in(
         planned = configured_manoeuvre(parameters(begin)) if states else None
         if planned is None or planned.kind != recording.kind:
             planned = _as_driven(recording)
-        marks = [m for t, text in log.marks if begin < t <= end + 1.0 and (m := _SAID.match(text))]
-        number = int(marks[0][1]) if marks else k + 1
+        told = _told(log, begin, end)
+        number = told[0] if told is not None else k + 1
         streams = quality(*recording.span)
         runs.append(PlayedRun(recording, log, path, begin, end, number, planned, streams))
     return tuple(runs), ""

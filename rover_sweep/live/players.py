@@ -21,7 +21,7 @@ from rover_sweep.files.documents import printable
 from rover_sweep.live.played_runs import RunSpan, runs_in
 from rover_sweep.live.source import STALE, STALE_SLOW, Snapshot, Telemetry, switch_of
 from rover_sweep.logs.applet import is_old
-from rover_sweep.logs.log import Log, finite_only
+from rover_sweep.logs.log import Log
 from rover_sweep.logs.read import read_logs
 from rover_sweep.logs.readers.dataflash import DataFlash, open_parts
 from rover_sweep.logs.readers.tlog import MAGIC_2, SIGNED, Frames, parse_tlog, walk
@@ -441,7 +441,7 @@ class TlogTrack:
             stamps = {n: session.seconds(n) for n in JUDGED if n in session.messages}
             return tuple(stream_quality(n, t[(t >= a) & (t <= b)].tolist()) for n, t in stamps.items())
 
-        runs, refusal = runs_in(log, path, states, lambda t: _parameters(session, t), quality)
+        runs, refusal = runs_in(log, path, states, session.parameters, quality)
         places = (
             RunSpan(run, index.position(k, run.begin), index.position(k, run.end), bool(states))
             for run in runs
@@ -460,12 +460,3 @@ def _changes(index: FrameIndex) -> tuple[tuple[int, int], ...]:
             frame = np.searchsorted(index.starts, order[first])
             found += list(zip(frame.tolist(), state[first].tolist(), strict=True))
     return tuple(found)
-
-
-def _parameters(session: BootMessages, until: float) -> dict[str, float]:
-    """Those that were heard up to a time on the vehicle's clock [s]."""
-    if (frames := session.messages.get("PARAM_VALUE")) is None:
-        return {}
-    rows = frames.rows[session.seconds("PARAM_VALUE") <= until]
-    names = [printable(name.decode("ascii", "replace")) for name in rows["param_id"].tolist()]
-    return finite_only(zip(names, rows["param_value"].astype(float).tolist(), strict=True))

@@ -6,17 +6,16 @@ import contextlib
 import json
 import math
 import os
-import re
 import threading
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from rover_sweep._version import __version__
 from rover_sweep.errors import UsageError
 from rover_sweep.files.documents import printable, read_json
-from rover_sweep.manoeuvre.sweep import Manoeuvre, configured_manoeuvre
+from rover_sweep.manoeuvre.sweep import configured_manoeuvre
 from rover_sweep.session.content import (
     FORMAT,
     TEXT,
@@ -25,37 +24,18 @@ from rover_sweep.session.content import (
     Entry,
     FetchedLog,
     SessionRun,
-    Span,
     State,
     from_json,
     to_json,
 )
 from rover_sweep.vehicle.link.recorded_transport import writing
-
-if TYPE_CHECKING:
-    from rover_sweep.logs.readers.vehicle_clock import BootMessages
+from rover_sweep.vehicle.run.follow import STOPPED_BY_APPLET, STOPPED_STATE, outcome_told
 
 # The outcome of a run from its tlog alone, for a run during which the program was killed.
 
 
-_DONE = re.compile(r"^SWP: run (\d+) done")
-_STOPPED = re.compile(r"^SWP: run (\d+) stopped:? *(.*)")
-_STOPPED_STATE = 10
-
-
-@dataclass(frozen=True)
-class Outcome:
-    """state: never "begun"; span: from the applet's first state to its last [s since boot]."""
-
-    state: State
-    reason: str
-    span: Span | None
-    number: int
-    manoeuvre: Manoeuvre | None
-
-
-def outcome_of(path: Path) -> Outcome | None:
-    """The outcome of the run in a tlog; None if the applet did nothing in it.
+def outcome_of(path: Path) -> DrivenRun | None:
+    """The run in a tlog with its outcome, never "begun"; None if the applet did nothing in it.
 
     Only the part after the vehicle's last boot counts, because a reboot ends a run.
     """
@@ -64,70 +44,37 @@ def outcome_of(path: Path) -> Outcome | None:
 
     wanted = frozenset((*CLOCKS, "NAMED_VALUE_FLOAT", "STATUSTEXT", "PARAM_VALUE"))
     boots = list(sessions(open_tlog(path, wanted).messages))
-    if not boots:
+    if not boots or "NAMED_VALUE_FLOAT" not in (last := boots[-1]).messages:
         return None
-    last = boots[-1]
-    named, values = _named(last), _parameters(last)
-    states = [(t, int(value)) for t, name, value in named if name == "SWP_ST"]
-    active = [(t, state) for t, state in states if state > 0]
-    if not active:
+    rows, times = last.messages["NAMED_VALUE_FLOAT"].rows, last.seconds("NAMED_VALUE_FLOAT").tolist()
+    named = [
+        (t, name, int(value))
+        for t, name, value in zip(times, rows["name"].tolist(), rows["value"].tolist(), strict=True)
+        if math.isfinite(value)
+    ]
+    states = [(t, value) for t, name, value in named if name == b"SWP_ST"]
+    start = next((t for t, state in states if state > 0), None)
+    if start is None:
         return None
-    number = next((int(value) for _, name, value in reversed(named) if name == "SWP_RUN"), 0)
-    return _outcome(_texts(last), states, active[0][0], number, configured_manoeuvre(values))
+    numbers = [value for _, name, value in named if name == b"SWP_RUN"]
+    # float32: 0.3, not 0.30000001
+    values = {name: float(f"{value:.7g}") for name, value in last.parameters().items()}
+    texts = [(t, printable(text)) for t, text in last.texts() if t >= start]
+    state, reason, end, number = _outcome(texts, states, start, numbers[-1] if numbers else 0)
+    return DrivenRun(path.stem, path.name, configured_manoeuvre(values), state, reason, (start, end), number)
 
 
 def _outcome(
-    texts: list[tuple[float, str]],
-    states: list[tuple[float, int]],
-    start: float,
-    number: int,
-    manoeuvre: Manoeuvre | None,
-) -> Outcome:
-    """The outcome by the applet's last status text, else by its last state."""
+    texts: list[tuple[float, str]], states: list[tuple[float, int]], start: float, number: int
+) -> tuple[State, str, float, int]:
+    """(state, reason, end [s], run counter) by the applet's last status text, else by its last state."""
     end, state = states[-1]
     for t, text in reversed(texts):
-        if t < start:
-            break
-        if match := _DONE.match(text):
-            return Outcome(
-                "done", "the manoeuvre ran to its end", (start, max(t, end)), int(match[1]), manoeuvre
-            )
-        if match := _STOPPED.match(text):
-            reason = match[2] or "stopped by the applet"
-            return Outcome("stopped", reason, (start, max(t, end)), int(match[1]), manoeuvre)
-    if state == _STOPPED_STATE:
-        return Outcome("stopped", "stopped by the applet", (start, end), number, manoeuvre)
-    reason = f"the recording ends {end - start:.0f} s into the run"
-    return Outcome("cut", reason, (start, end), number, manoeuvre)
-
-
-def _named(boot: BootMessages) -> list[tuple[float, str, float]]:
-    if "NAMED_VALUE_FLOAT" not in boot.messages:
-        return []
-    rows = boot.messages["NAMED_VALUE_FLOAT"].rows
-    names = [name.decode("ascii", "replace") for name in rows["name"].tolist()]
-    times = boot.seconds("NAMED_VALUE_FLOAT").tolist()
-    values = rows["value"].astype(float).tolist()
-    return [said for said in zip(times, names, values, strict=True) if math.isfinite(said[2])]
-
-
-def _texts(boot: BootMessages) -> list[tuple[float, str]]:
-    if "STATUSTEXT" not in boot.messages:
-        return []
-    texts = [
-        printable(text.decode("utf-8", "replace"))
-        for text in boot.messages["STATUSTEXT"].rows["text"].tolist()
-    ]
-    return list(zip(boot.seconds("STATUSTEXT").tolist(), texts, strict=True))
-
-
-def _parameters(boot: BootMessages) -> Mapping[str, float]:
-    if "PARAM_VALUE" not in boot.messages:
-        return {}
-    rows = boot.messages["PARAM_VALUE"].rows
-    names = [printable(name.decode("ascii", "replace")) for name in rows["param_id"].tolist()]
-    values = [float(f"{value:.7g}") for value in rows["param_value"].tolist()]  # float32: 0.3, not 0.30000001
-    return {name: value for name, value in zip(names, values, strict=True) if math.isfinite(value)}
+        if told := outcome_told(text):
+            return "done" if told[1] else "stopped", told[2], max(t, end), told[0]
+    if state == STOPPED_STATE:
+        return "stopped", STOPPED_BY_APPLET, end, number
+    return "cut", f"the recording ends {end - start:.0f} s into the run", end, number
 
 
 # A lock, so that only one program at a time uses a session's folder; the end of the program releases it.
@@ -325,7 +272,7 @@ def read_folder(folder: Path) -> Content:
     known = {run.tlog for run in runs}
     for path in sorted(folder.glob("*.tlog"), key=lambda p: p.stat().st_mtime):
         if path.name not in known and path.stem.rstrip("-0123456789") not in _NO_RUNS:
-            runs += _run_of_tlog(path)
+            runs += [run] if (run := outcome_of(path)) else []
     return replace(said, runs=tuple(runs))
 
 
@@ -353,16 +300,7 @@ def _said(folder: Path) -> Content:
 def _with_outcome(folder: Path, run: DrivenRun) -> DrivenRun:
     """A run whose end is not in session.json, with the outcome from its tlog."""
     path = folder / run.tlog
-    outcome = outcome_of(path) if path.is_file() else None
-    if outcome is None:
+    found = outcome_of(path) if path.is_file() else None
+    if found is None:
         return replace(run, state="cut", reason="the program ended before the run began")
-    return replace(run, state=outcome.state, reason=outcome.reason, span=outcome.span, number=outcome.number)
-
-
-def _run_of_tlog(path: Path) -> list[DrivenRun]:
-    """A run that is only in its tlog; [] if there is none in it."""
-    outcome = outcome_of(path)
-    if outcome is None:
-        return []
-    known = (outcome.manoeuvre, outcome.state, outcome.reason, outcome.span, outcome.number)
-    return [DrivenRun(path.stem, path.name, *known)]
+    return replace(run, state=found.state, reason=found.reason, span=found.span, number=found.number)

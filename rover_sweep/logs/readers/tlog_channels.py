@@ -22,7 +22,6 @@ from rover_sweep.logs.log import (
     Log,
     body_velocity,
     clock_notes,
-    finite_only,
     firmware_of,
     increasing,
     output_channel,
@@ -162,7 +161,7 @@ def _log(
     source: tuple[str, str],
     damage: tuple[Note, ...],
 ) -> Log:
-    parameters, marks = _parameters(session), _marks(session)
+    parameters, marks = session.parameters(), tuple(session.texts())
     filters, notes = sensor_filters(parameters, override)
     clocks = {n: session.seconds(n) for n in (*CLOCKS, "SERVO_OUTPUT_RAW") if n in session.messages}
     refuse_disorder(name, clocks)
@@ -198,22 +197,6 @@ def _arrivals(session: BootMessages) -> tuple[Array, Array]:
     name = max((n for n in CLOCKS if n in session.messages), key=lambda n: _count(session, n))
     t, (arrival,) = increasing(session.seconds(name), session.messages[name].arrival)
     return t, arrival
-
-
-def _parameters(session: BootMessages) -> dict[str, float]:
-    if "PARAM_VALUE" not in session.messages:
-        return {}
-    rows = session.messages["PARAM_VALUE"].rows
-    names = [n.decode("ascii", "replace") for n in rows["param_id"].tolist()]
-    return finite_only(zip(names, rows["param_value"].astype(float).tolist(), strict=True))
-
-
-def _marks(session: BootMessages) -> tuple[tuple[float, str], ...]:
-    if "STATUSTEXT" not in session.messages:
-        return ()
-    rows = session.messages["STATUSTEXT"].rows
-    texts = [text.decode("utf-8", "replace") for text in rows["text"].tolist()]
-    return tuple(zip(session.seconds("STATUSTEXT").tolist(), texts, strict=True))
 
 
 def _version(session: BootMessages) -> str:

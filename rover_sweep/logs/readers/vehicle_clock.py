@@ -11,7 +11,15 @@ from numpy.typing import NDArray
 
 from rover_sweep.data.recording import AT_LOOP, Note, Signal
 from rover_sweep.errors import DataRefused
-from rover_sweep.logs.log import AppletRows, Log, are_different, disagreement, increasing, sensor_filters
+from rover_sweep.logs.log import (
+    AppletRows,
+    Log,
+    are_different,
+    disagreement,
+    finite_only,
+    increasing,
+    sensor_filters,
+)
 from rover_sweep.logs.readers.dataflash import DataFlash, open_parts
 from rover_sweep.logs.readers.tlog import Frames
 
@@ -55,6 +63,22 @@ class BootMessages:
             return before
         t = frames.rows["time_usec"].astype(float) * 1e-6
         return t + WRAP * np.round((before - t) / WRAP) if frames.rows["time_usec"].itemsize == 4 else t
+
+    def texts(self) -> list[tuple[float, str]]:
+        """(time [s], text as sent) of the messages to the user."""
+        if "STATUSTEXT" not in self.messages:
+            return []
+        sent = self.messages["STATUSTEXT"].rows["text"].tolist()
+        texts = (text.decode("utf-8", "replace") for text in sent)
+        return list(zip(self.seconds("STATUSTEXT").tolist(), texts, strict=True))
+
+    def parameters(self, until: float = np.inf) -> dict[str, float]:
+        """{parameter: last value heard up to a time [s]}."""
+        if "PARAM_VALUE" not in self.messages:
+            return {}
+        rows = self.messages["PARAM_VALUE"].rows[self.seconds("PARAM_VALUE") <= until]
+        names = (name.decode("ascii", "replace") for name in rows["param_id"].tolist())
+        return finite_only(zip(names, rows["param_value"].astype(float).tolist(), strict=True))
 
 
 def sessions(messages: Mapping[str, Frames]) -> Iterator[BootMessages]:

@@ -16,11 +16,19 @@ from rover_sweep.vehicle.link.mavlink import Message, kind
 from rover_sweep.vehicle.link.statustext import StatusText
 
 _SAMPLE_EVERY = 0.1  # s of the vehicle's clock between two `Sample`s
-_DONE = re.compile(r"^SWP: run (\d+) done")
 _REFUSED = "SWP: refused: "
-_STOPPED = re.compile(r"^SWP: run (\d+) stopped:? *(.*)")
-_STOPPED_STATE = 10
-_COMPLETED = "the manoeuvre ran to its end"
+_OVER = re.compile(r"^SWP: run (\d+) (?:done|stopped:? *(.*))")
+STOPPED_STATE = 10
+COMPLETED = "the manoeuvre ran to its end"
+STOPPED_BY_APPLET = "stopped by the applet"
+
+
+def outcome_told(text: str) -> tuple[int, bool, str] | None:
+    """(run counter, completed, reason) by the applet's text at the end of a run; None for any other text."""
+    if (match := _OVER.match(text)) is None:
+        return None
+    completed = match[2] is None
+    return int(match[1]), completed, COMPLETED if completed else match[2] or STOPPED_BY_APPLET
 
 
 @dataclass
@@ -80,7 +88,7 @@ class Follower:
         if self.number in self._ends:
             return self._ends[self.number]
         if self._whole == self.number:
-            return True, _COMPLETED
+            return True, COMPLETED
         return (
             False,
             "it ended early, its reason was lost" if self.ended else "the applet did not end in time",
@@ -106,10 +114,8 @@ class Follower:
         self._events.append(Said(text.t, text.severity, text.text))
         if text.text.startswith(_REFUSED):
             self.refused = text.text.removeprefix(_REFUSED)
-        if match := _STOPPED.match(text.text):
-            self._ends[int(match[1])] = False, match[2] or "stopped by the applet"
-        elif match := _DONE.match(text.text):
-            self._ends[int(match[1])] = True, _COMPLETED
+        if told := outcome_told(text.text):
+            self._ends[told[0]] = told[1:]
 
     def _named(self, name: str, value: float, t: float) -> None:
         if name == "SWP_W":
@@ -127,9 +133,9 @@ class Follower:
     def _enter(self, state: int, t: float) -> None:
         self.state = state
         self._events.append(StateChanged(t, state, STATES.get(state, f"state {state}")))
-        if 0 < state < _STOPPED_STATE:
+        if 0 < state < STOPPED_STATE:
             self.active = True
-        elif self.active or state == _STOPPED_STATE:
+        elif self.active or state == STOPPED_STATE:
             self.active = self.ended = True
             self.ended_at = t
 
