@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -13,7 +13,7 @@ from rover_sweep.data.recording import Recording
 from rover_sweep.errors import DataRefused
 from rover_sweep.files.documents import printable
 from rover_sweep.live.source import Verdict
-from rover_sweep.live.verdict import renamed, verdict_on_run
+from rover_sweep.live.verdict import verdict_on_run
 from rover_sweep.logs.log import Log
 from rover_sweep.logs.read import runs_of
 from rover_sweep.manoeuvre.multisine import Multisine
@@ -56,7 +56,7 @@ class PlayedRun:
     @cached_property
     def verdict(self) -> Verdict:
         """As `live.verdict.judge` gives it right after the run."""
-        return renamed(verdict_on_run(self.recording), self.recording.name, self.path)
+        return replace(verdict_on_run(self.recording), source=self.path)
 
     def _outcome(self) -> tuple[bool, str]:
         """(completed, reason) by the applet's status text, else by the notes on the recording."""

@@ -19,19 +19,23 @@ from firmware_params.applet_parameters import STATES
 from rover_sweep.errors import DataRefused
 from rover_sweep.files.documents import printable
 from rover_sweep.live.played_runs import RunSpan, runs_in
-from rover_sweep.live.source import STALE, STALE_SLOW, Snapshot, Telemetry, switch_of
+from rover_sweep.live.source import STALE, STALE_SLOW, Snapshot, Telemetry
 from rover_sweep.logs.applet import is_old
 from rover_sweep.logs.log import Log
 from rover_sweep.logs.read import read_logs
 from rover_sweep.logs.readers.dataflash import DataFlash, open_parts
-from rover_sweep.logs.readers.tlog import MAGIC_2, SIGNED, Frames, parse_tlog, walk
+from rover_sweep.logs.readers.dataflash_channels import logged_parameters
+from rover_sweep.logs.readers.tlog import MAGIC_2, SIGNED, parse_tlog, walk
+from rover_sweep.logs.readers.tlog_channels import messages_of_vehicle
 from rover_sweep.logs.readers.vehicle_clock import CLOCKS, BootMessages, extent, sessions
 from rover_sweep.manoeuvre.multisine import Multisine
 from rover_sweep.manoeuvre.sweep import Doublet, Manoeuvre, configured_manoeuvre
 from rover_sweep.vehicle.events import Event, Said, Sample, StateChanged
+from rover_sweep.vehicle.identity import has_position
 from rover_sweep.vehicle.link.mavlink import Codec, kind, message_id
 from rover_sweep.vehicle.link.statustext import TextAssembler
 from rover_sweep.vehicle.link.streams import StreamQuality, stream_quality
+from rover_sweep.vehicle.preflight.rates import switch_of
 from rover_sweep.vehicle.run.follow import Follower
 
 Array = NDArray[np.float64]
@@ -39,7 +43,6 @@ Array = NDArray[np.float64]
 SILENT = 0.5  # s without a message of the applet, which logs at 84 Hz while it does anything: it is idle
 SAMPLE_EVERY = 0.1  # s
 INFO = 6  # MAV_SEVERITY; the log does not tell the severity of a message
-HORIZONTAL_SPEED, HORIZONTAL_PLACE, NO_PLACE = 1 << 1, 1 << 4, 1 << 7  # nav_filter_status in XKF4.SS
 STEERED = range(3, 9)
 FIX_3D = 3  # GPS_FIX_TYPE
 
@@ -62,7 +65,7 @@ class FlashPart:
         self.log = log
         self.begin, self.end = extent(log)
         self._flash = flash
-        self._set = self._named_values()
+        self._set = logged_parameters(flash)
         self._set_at = np.array([t for t, *_ in self._set])
         self._planned: dict[int, Manoeuvre | None] = {}
         self._columns = {n: PlayedColumn(s.t, s.x, STALE) for n, s in log.signals.items()}
@@ -76,7 +79,7 @@ class FlashPart:
             ("fix", "GPS", "Status", STALE_SLOW),
             ("switch", "RCIN", switch, STALE),
             ("mode", "MODE", "ModeNum", math.inf),
-            ("ekf", "XKF4", "SS", STALE_SLOW),
+            ("ekf", "XKF4", "SS", STALE_SLOW),  # nav_filter_status, whose bits are EKF_STATUS_FLAGS
         ):
             if flash.has(message, column):
                 self._columns[name] = PlayedColumn(
@@ -145,7 +148,7 @@ class FlashPart:
     def _uses_gps(self, t: float, fix: int) -> bool:
         """By the estimator's own word; a log without it (LOG_BITMASK) has a velocity where there is a fix."""
         if "ekf" in self._columns:
-            return _has_place(_whole(self._value("ekf", t), 0))
+            return has_position(_whole(self._value("ekf", t), 0))
         return fix >= FIX_3D and math.isfinite(self._value("speed", t))
 
     def _arming(self) -> PlayedColumn:
@@ -157,14 +160,6 @@ class FlashPart:
 
     def _value(self, name: str, t: float) -> float:
         return self._columns[name].at(t) if name in self._columns else math.nan
-
-    def _named_values(self) -> list[tuple[float, str, float]]:
-        flash = self._flash
-        if not (flash.has("PARM", "Value") and flash.has_text("PARM", "Name")):
-            return []
-        values = flash.rows("PARM")["Value"].astype(float).tolist()
-        named = zip(flash.seconds("PARM").tolist(), flash.text("PARM", "Name"), values, strict=True)
-        return [said for said in named if math.isfinite(said[2])]
 
     def _states(self) -> tuple[tuple[float, int], ...]:
         """Where the applet's state changes; idle where it says nothing. Empty for the one of 2025."""
@@ -199,11 +194,6 @@ class FlashPart:
 
 def _whole(value: float, otherwise: int) -> int:
     return int(value) if math.isfinite(value) else otherwise
-
-
-def _has_place(status: int) -> bool:
-    wanted = HORIZONTAL_SPEED | HORIZONTAL_PLACE
-    return status & wanted == wanted and not status & NO_PLACE
 
 
 class FlashTrack:
@@ -249,7 +239,6 @@ class FlashTrack:
 
 Numbers = NDArray[np.int64]
 
-ARDUPILOT = 3  # MAV_AUTOPILOT
 WANTED = frozenset(("HEARTBEAT", "NAMED_VALUE_FLOAT", "PARAM_VALUE", "SERVO_OUTPUT_RAW", *CLOCKS))
 
 
@@ -298,29 +287,14 @@ class FrameIndex:
 def frame_index(path: Path) -> FrameIndex:
     """Index a telemetry log. DataRefused where no frame of an ArduPilot vehicle carries its time."""
     data = path.read_bytes()
-    parsed = parse_tlog(data, WANTED)
-    system, component = _vehicle(path, parsed.messages)
-    own = {
-        name: found
-        for name, frames in parsed.messages.items()
-        if len(found := frames.where((frames.system == system) & (frames.component == component)))
-    }
+    _, own, _ = messages_of_vehicle(path, parse_tlog(data, WANTED))
     starts_of_vehicle = tuple(sessions(own))
     if not starts_of_vehicle:
         raise DataRefused(f"{path.name} holds no ATTITUDE or IMU messages, so there is no time to play it by")
-    starts, kinds = _frames(data, system, component)
+    hearts = own["HEARTBEAT"]
+    starts, kinds = _frames(data, int(hearts.system[0]), int(hearts.component[0]))
     t, at, number = _times(starts, starts_of_vehicle)
     return FrameIndex(data, starts, kinds, t, at, number, starts_of_vehicle)
-
-
-def _vehicle(path: Path, messages: dict[str, Frames]) -> tuple[int, int]:
-    """System and component that most of the heartbeats of ArduPilot come from."""
-    hearts = messages.get("HEARTBEAT")
-    if hearts is None or not np.any(hearts.rows["autopilot"] == ARDUPILOT):
-        raise DataRefused(f"{path.name} holds no heartbeat of an ArduPilot vehicle")
-    hearts = hearts.where(hearts.rows["autopilot"] == ARDUPILOT)
-    system = int(np.bincount(hearts.system).argmax())
-    return system, int(np.bincount(hearts.component[hearts.system == system]).argmax())
 
 
 def _frames(data: bytes, system: int, component: int) -> tuple[Numbers, Numbers]:

@@ -13,9 +13,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from math import nan
 from pathlib import Path
-from typing import Protocol
+from typing import Literal, Protocol
 
-from firmware_params.applet_parameters import AUX_FUNCTION, PREFIX, STATES
+from firmware_params.applet_parameters import PREFIX, STATES
 from rover_sweep.data.geometry import MILLI_G
 from rover_sweep.data.results import Advice
 from rover_sweep.manoeuvre.sweep import Manoeuvre, configured_manoeuvre
@@ -24,6 +24,7 @@ from rover_sweep.vehicle.events import Event
 from rover_sweep.vehicle.identity import has_position
 from rover_sweep.vehicle.link.connection import Heard
 from rover_sweep.vehicle.link.mavlink import SAFETY_ARMED, Message, kind
+from rover_sweep.vehicle.preflight.rates import switch_of
 from rover_sweep.vehicle.preflight.read_rover import Check
 from rover_sweep.vehicle.run.controls import RunSettings
 
@@ -90,7 +91,7 @@ class ResponseCurve:
     gain: tuple[float, ...]
     phase: tuple[float, ...]
     coherence: tuple[float, ...]
-    steering: str = "us"
+    steering: Literal["rad", "us"] = "us"
 
 
 @dataclass(frozen=True)
@@ -416,13 +417,3 @@ class Telemetry:
             self.steering = int(match[1])
         elif name == f"{PREFIX}CHAN" or _RADIO.match(name):
             self.switch = switch_of(self.parameters, self.switch)
-
-
-def switch_of(parameters: Mapping[str, float], otherwise: int = 6) -> int:
-    """RC channel of the applet's switch: SWP_CHAN, else the one with RCn_OPTION 300."""
-    if (raw := int(parameters.get(f"{PREFIX}CHAN", 0))) > 0:
-        return raw
-    channels = (
-        int(m[1]) for n, x in parameters.items() if (m := _RADIO.match(n)) and round(x) == AUX_FUNCTION
-    )
-    return next(channels, otherwise)

@@ -14,7 +14,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
 from queue import Empty, SimpleQueue
@@ -41,6 +41,7 @@ from rover_sweep.live.source import (
 from rover_sweep.live.verdict import stopped_verdict, too_fast
 from rover_sweep.manoeuvre.multisine import Multisine
 from rover_sweep.manoeuvre.sweep import Sweep
+from rover_sweep.session.content import Span
 from rover_sweep.session.folder import Session
 from rover_sweep.session.session import (
     await_estimator,
@@ -69,34 +70,23 @@ from rover_sweep.vehicle.run.controls import find_channels
 # Slow computations in a thread of their own: verdicts on runs, and the runs in a fetched log.
 
 
-Span = tuple[float, float]
-
-
-@dataclass(frozen=True)
-class Given:
-    """A verdict, and the tlog of the run that it is on."""
-
-    tlog: Path
-    verdict: Verdict
-
-
 class Background:
     """One thread, which judges a run within a second, because the imports are loaded beforehand."""
 
     def __init__(self) -> None:
         self._pool = ThreadPoolExecutor(1, thread_name_prefix="beside the link")
-        self._given: SimpleQueue[Given] = SimpleQueue()
+        self._given: SimpleQueue[Verdict] = SimpleQueue()
         self._pool.submit(_load)
 
     def judge(self, tlog: Path, span: Span, name: str, vehicle_file: Path | None) -> None:
         """Begin to judge a run that came to its end."""
-        self._pool.submit(lambda: self._given.put(Given(tlog, _judged(tlog, span, name, vehicle_file))))
+        self._pool.submit(lambda: self._given.put(_judged(tlog, span, name, vehicle_file)))
 
-    def tell(self, tlog: Path, verdict: Verdict) -> None:
+    def tell(self, verdict: Verdict) -> None:
         """A verdict that needs no computing, after those that are being worked on."""
-        self._pool.submit(lambda: self._given.put(Given(tlog, verdict)))
+        self._pool.submit(self._given.put, verdict)
 
-    def given(self) -> Iterator[Given]:
+    def given(self) -> Iterator[Verdict]:
         """The verdicts that were found since the last call."""
         while True:
             try:
@@ -205,13 +195,13 @@ class VehicleWork:
         tlog = self.session.folder / self.session.content.runs[-1].tlog
         if ended is not None and ended.completed:
             if planned.manoeuvre.kind == "throttle":
-                self._background.tell(tlog, Verdict(planned.name, "keep", THROTTLE_KEPT, source=tlog))
+                self._background.tell(Verdict(planned.name, "keep", THROTTLE_KEPT, source=tlog))
             else:
                 self._background.judge(tlog, ended.span, planned.name, self.session.vehicle_file)
             return
         reason, throttle = "aborted" if ended is None else ended.reason, settings.throttle_us
         neutral = _neutral(link) if throttle is not None and too_fast(reason) else None
-        self._background.tell(tlog, stopped_verdict(planned, reason, tlog, throttle, neutral))
+        self._background.tell(stopped_verdict(planned, reason, tlog, throttle, neutral))
         if ended is None:
             raise Aborted
 
@@ -478,9 +468,10 @@ class VehicleSource:
     # ---- telling ---------------------------------------------------------------------------------
 
     def _tell_verdicts(self) -> None:
-        for given in self._background.given():
-            self.session.judged(given.tlog, asdict(given.verdict))
-            self._tell(Judged(given.verdict))
+        for verdict in self._background.given():
+            assert verdict.source is not None
+            self.session.judged(verdict.source, asdict(verdict))
+            self._tell(Judged(verdict))
 
     def _notice(self, sentence: str) -> None:
         self._tell(Notice("warning", sentence))

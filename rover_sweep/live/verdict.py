@@ -17,7 +17,7 @@ from rover_sweep.logs.read import read_logs, runs_of
 from rover_sweep.quality.coherence import RISING_FROM, VYDOT_FROM, per_rad, responses, sign_is_wrong
 from rover_sweep.quality.faults import each_with_length, is_unexcited
 from rover_sweep.quality.verdict import assess
-from rover_sweep.session.content import SessionRun
+from rover_sweep.session.content import SessionRun, Span
 from rover_sweep.spectra.amplitude import octaves
 from rover_sweep.spectra.response import COHERENCE_GOOD, RISING, FrequencyResponse, unwrapped_phase
 
@@ -150,9 +150,6 @@ def side_remark(found: Mapping[str, FrequencyResponse]) -> Iterator[str]:
         yield "a larger PWM turns this rover left: rad_per_us of its vehicle file is negative"
 
 
-Span = tuple[float, float]
-
-
 def judge(tlog: Path, span: Span, name: str, vehicle: Vehicle | None = None) -> Verdict:
     """The verdict on the run within `span` [s of the vehicle's clock] of a recording, .tlog or .BIN.
 
@@ -174,13 +171,8 @@ def judge(tlog: Path, span: Span, name: str, vehicle: Vehicle | None = None) -> 
             refusal = str(error)
             continue
         if runs:
-            return renamed(verdict_on_run(runs[-1], vehicle), name, tlog)
+            return replace(verdict_on_run(runs[-1], vehicle), run=name, source=tlog)
     return Verdict(name, "discard", f"discard: {refusal}", source=tlog)
-
-
-def renamed(verdict: Verdict, name: str, source: Path) -> Verdict:
-    """The verdict under the run's name, with the recording that was judged."""
-    return replace(verdict, run=name, source=source)
 
 
 def verdict_on_run(run: Recording, vehicle: Vehicle | None = None) -> Verdict:

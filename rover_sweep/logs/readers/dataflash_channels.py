@@ -6,6 +6,7 @@ and psi change sign; p and phi do not. Message names and units are those of Ardu
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
@@ -21,7 +22,6 @@ from rover_sweep.logs.log import (
     Log,
     body_velocity,
     clock_notes,
-    finite_only,
     firmware_of,
     increasing,
     joined_steering,
@@ -58,15 +58,7 @@ def read_dataflash(path: Path, filters: Mapping[str, float] | None = None) -> tu
 
 
 def _log(name: str, flash: DataFlash, filters: Mapping[str, float] | None, source: tuple[str, str]) -> Log:
-    parameters = finite_only(
-        zip(
-            flash.text("PARM", "Name"),
-            flash.rows("PARM", "Value")["Value"].astype(float).tolist(),
-            strict=True,
-        )
-        if flash.has("PARM", "Value") and flash.has_text("PARM", "Name")
-        else ()
-    )
+    parameters = {name: value for _, name, value in logged_parameters(flash)}
     marks = _marks(flash)
     firmware = firmware_of(marks)
     gyro, raw_gyro = _gyro(flash, parameters)
@@ -99,6 +91,15 @@ def _log(name: str, flash: DataFlash, filters: Mapping[str, float] | None, sourc
         notes=(*notes, *_reading_notes(name, flash)),
         sources=(source,),
     )
+
+
+def logged_parameters(flash: DataFlash) -> list[tuple[float, str, float]]:
+    """(time [s], name, value) of each parameter in the order logged, without values that are not finite."""
+    if not (flash.has("PARM", "Value") and flash.has_text("PARM", "Name")):
+        return []
+    values = flash.rows("PARM", "Value")["Value"].astype(float).tolist()
+    named = zip(flash.seconds("PARM").tolist(), flash.text("PARM", "Name"), values, strict=True)
+    return [logged for logged in named if math.isfinite(logged[2])]
 
 
 def _refuse_damage(path: Path, parts: tuple[DataFlash, ...]) -> None:

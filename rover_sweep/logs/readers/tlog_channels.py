@@ -74,7 +74,7 @@ def read_telemetry(
     """
     tlog = open_tlog(path, WANTED)
     _refuse_damage(path, tlog)
-    kind, own, others = _of_vehicle(path, tlog, system)
+    kind, own, others = messages_of_vehicle(path, tlog, system)
     starts = list(sessions(own))
     if not starts:
         raise DataRefused(
@@ -115,8 +115,8 @@ def _reading_notes(tlog: Tlog, starts: int) -> Iterator[Note]:
         yield Note("info", f"The vehicle restarted {starts - 1} times during the recording")
 
 
-def _of_vehicle(
-    path: Path, tlog: Tlog, wanted: int | None
+def messages_of_vehicle(
+    path: Path, tlog: Tlog, wanted: int | None = None
 ) -> tuple[str, dict[str, Frames], tuple[Note, ...]]:
     """(kind, messages, notes) of the vehicle of that system id, else of that with most heartbeats."""
     hearts = tlog.messages.get("HEARTBEAT")

@@ -10,12 +10,12 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from math import isfinite
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any
 
-from rover_sweep.data.results import Advice
+from rover_sweep.data.codec import decoded
 from rover_sweep.data.vehicle_file import Vehicle
 from rover_sweep.files.documents import read_json
-from rover_sweep.live.source import CoherenceBand, Played, ResponseCurve, Snapshot, Update, Verdict
+from rover_sweep.live.source import Played, Snapshot, Update, Verdict
 from rover_sweep.manoeuvre.sweep import Sweep
 from rover_sweep.session.content import Content, DrivenRun, SessionRun
 from rover_sweep.tui import drawn as labels
@@ -207,35 +207,10 @@ def _verdict(saved: Mapping[str, Any] | None) -> Verdict | None:
     if saved is None:
         return None
     try:
-        amplitude = saved.get("amplitude")
-        if saved["advice"] not in get_args(Advice) or not isfinite(amplitude or 0.0):
-            return None
-        return Verdict(
-            str(saved["run"]),
-            saved["advice"],
-            str(saved["sentence"]),
-            tuple(_band(**band) for band in saved.get("bands") or ()),
-            amplitude,
-            tuple((float(a), float(b), float(c)) for a, b, c in saved.get("per_band") or ()),
-            remarks=tuple(str(remark) for remark in saved.get("remarks") or ()),
-            curves=tuple(_curve(**curve) for curve in saved.get("curves") or ()),
-            throttle=_step(*saved["throttle"]) if saved.get("throttle") else None,
-        )
-    except (KeyError, TypeError, ValueError, OverflowError):
+        verdict = decoded({key: value for key, value in saved.items() if key != "source"}, Verdict)
+    except (ValueError, OverflowError):
         return None
-
-
-def _band(response: str, low: float, high: float, coherence: float, words: str) -> CoherenceBand:
-    return CoherenceBand(str(response), float(low), float(high), float(coherence), str(words))
-
-
-def _step(driven: int, proposed: int) -> tuple[int, int]:
-    return int(driven), int(proposed)
-
-
-def _curve(response: str, steering: str = "us", **numbers: list[float]) -> ResponseCurve:
-    given = {name: tuple(map(float, x)) for name, x in numbers.items()}
-    return ResponseCurve(str(response), **given, steering="rad" if steering == "rad" else "us")
+    return verdict if isfinite(verdict.amplitude or 0.0) else None
 
 
 # Queue from the source's thread to the screen's; fast values replace those not yet taken.

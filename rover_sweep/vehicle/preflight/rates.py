@@ -197,12 +197,11 @@ _SIX = Remedy(f"set RC6_OPTION to {SCRIPTING_1}", sets=(("RC6_OPTION", float(SCR
 _REST = 30  # us about the trim, where the channel has no dead zone
 
 
-def switch_channel(observed: Observation) -> int:
-    """RC channel (1-based) that starts the applet: SWP_CHAN, else the one with RCn_OPTION 300; 0: none."""
-    raw = observed.parameter("SWP_CHAN")
-    if raw > 0:
-        return int(raw)
-    return next((n for n in range(1, 17) if observed.parameter(f"RC{n}_OPTION") == SCRIPTING_1), 0)
+def switch_of(parameters: Mapping[str, float], otherwise: int = 6) -> int:
+    """RC channel (1-based) of the applet's switch: SWP_CHAN, else the one with RCn_OPTION 300."""
+    if (raw := int(parameters.get("SWP_CHAN", 0))) > 0:
+        return raw
+    return next((n for n in range(1, 17) if parameters.get(f"RC{n}_OPTION") == SCRIPTING_1), otherwise)
 
 
 def rc(observed: Observation) -> Check:
@@ -244,7 +243,7 @@ def _stick(observed: Observation, mapping: str, usual: int) -> tuple[int, float,
 
 def switch(observed: Observation) -> Check:
     """Whether the switch is low: the applet does not start if it is high at its first reading."""
-    number = switch_channel(observed)
+    number = switch_of(observed.parameters, 0)
     if number == 0:
         sentence = "no channel starts the applet: none has option 300, and SWP_CHAN is 0"
         return Check("switch", "bad", "none", sentence, _SIX)
