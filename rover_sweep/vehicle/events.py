@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
-from rover_sweep.manoeuvre.sweep import Manoeuvre
-from rover_sweep.vehicle.identity import VehicleIdentity
-from rover_sweep.vehicle.link.streams import Stream, StreamQuality
+if TYPE_CHECKING:
+    from rover_sweep.manoeuvre.sweep import Manoeuvre
+    from rover_sweep.vehicle.identity import VehicleIdentity
+    from rover_sweep.vehicle.link.streams import Stream, StreamQuality
 
 
 @dataclass(frozen=True)
@@ -21,12 +22,16 @@ class Connected:
 
 @dataclass(frozen=True)
 class ParameterSet:
-    """A parameter was changed, and reads back as set. reboot: it takes effect after a reboot."""
+    """A parameter was set, and reads back so. old: before; reboot: the value takes effect after a reboot."""
 
     name: str
     old: float | None
     value: float
     reboot: bool = False
+
+    @property
+    def changed(self) -> bool:
+        return self.old != self.value
 
 
 @dataclass(frozen=True)
@@ -53,7 +58,7 @@ class Notice:
 
 @dataclass(frozen=True)
 class Said:
-    """A status text of the vehicle; t [s] on its clock, severity MAV_SEVERITY."""
+    """A printable status text; t: arrival on the vehicle's clock [s]; severity: MAV_SEVERITY (0: worst)."""
 
     t: float
     severity: int

@@ -14,11 +14,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, Protocol
 
 from rover_sweep.errors import LinkError, UsageError
-from rover_sweep.vehicle.events import LogProgress, LogSaved
+from rover_sweep.vehicle.events import LogProgress, LogSaved, ParameterSet
 from rover_sweep.vehicle.link.link import TURN, Link, MavsdkRider, crc32, remote_crc32, remote_sizes
 from rover_sweep.vehicle.link.mavlink import Message
 from rover_sweep.vehicle.link.recorded_transport import writing
-from rover_sweep.vehicle.parameters import Written, read_all, write_parameter
+from rover_sweep.vehicle.parameters import read_all, write_parameter
 
 if TYPE_CHECKING:
     from mavsdk.plugins.log_files import LogFiles
@@ -413,7 +413,7 @@ class ParameterSource(Protocol):
         """Every parameter, by name; progress: called with (number received, total)."""
         ...
 
-    def write(self, name: str, value: float) -> Written:
+    def write(self, name: str, value: float) -> ParameterSet:
         """Set a parameter if it differs, read it back and compare as float32."""
         ...
 
@@ -427,7 +427,7 @@ class MavlinkParameters:
     def read_all(self, progress: Callable[[int, int], None] | None = None) -> dict[str, float]:
         return read_all(self.link, progress)
 
-    def write(self, name: str, value: float) -> Written:
+    def write(self, name: str, value: float) -> ParameterSet:
         return write_parameter(self.link, name, value)
 
 

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 from firmware_params.param_files import WantedParameter, read, shipped
 from rover_sweep.errors import LinkError, RoverSweepError, UsageError
 from rover_sweep.files.documents import printable
+from rover_sweep.vehicle.events import ParameterSet
 from rover_sweep.vehicle.link.inbox import LONGEST, BadLink
 from rover_sweep.vehicle.link.link import Link, MavsdkRider
 from rover_sweep.vehicle.link.mavlink import Message, kind
@@ -49,19 +50,6 @@ class ParameterKept(LinkError):
     def __init__(self, name: str, wanted: float, kept: float, why: str = "") -> None:
         why = why or "it may be read-only, an integer, or out of its range"
         super().__init__(f"{name} was set to {wanted:g} but the vehicle has {kept:g}; {why}")
-
-
-@dataclass(frozen=True)
-class Written:
-    """A parameter that was set and read back. old: value before, None if it was not read."""
-
-    name: str
-    old: float | None
-    value: float
-
-    @property
-    def changed(self) -> bool:
-        return self.old != self.value
 
 
 def float32(value: float) -> float:
@@ -217,7 +205,7 @@ def _ask_again(link: Link, found: Mapping[int, object], count: int) -> None:
         link.to_vehicle("PARAM_REQUEST_READ", param_id=b"", param_index=index)
 
 
-def write_parameter(link: Link, name: str, value: float) -> Written:
+def write_parameter(link: Link, name: str, value: float) -> ParameterSet:
     """Set a parameter if it differs, read it back and compare as float32.
 
     ParameterMissing if there is none; ParameterKept if the vehicle does not keep the value.
@@ -225,7 +213,7 @@ def write_parameter(link: Link, name: str, value: float) -> Written:
     before = _read(link, name)
     old, wanted = float(before.param_value), float32(value)
     if old == wanted:
-        return Written(name, old, old)
+        return ParameterSet(name, old, old)
     back, tries = old, 0
     while tries < link.quality.tries(_TRIES):
         tries += 1
@@ -237,7 +225,7 @@ def write_parameter(link: Link, name: str, value: float) -> Written:
             raise ParameterKept(name, value, old, _ERRORS[echo.error])
         back = read_parameter(link, name)
         if back == wanted:
-            return Written(name, old, back)
+            return ParameterSet(name, old, back)
     if not link.quality.concludes(tries):
         raise BadLink(f"{name} could not be set to {value:g} in {tries} tries: {_bad(link)}")
     raise ParameterKept(name, value, back)
@@ -256,7 +244,7 @@ def _encoded(name: str) -> bytes:
 _LONGEST = 16  # characters of a name in MAVLink
 _LARGEST = 3.4e38  # of a float32
 # Parameters that the vehicle writes, which an older file must not restore: counters (STAT_BOOTCNT shows
-# reboots, see `setup.pending_reboot`), the air pressure at boot, sizes of stored lists (seen in 4.6.3).
+# reboots, see `setup.note`), the air pressure at boot, sizes of stored lists (seen in 4.6.3).
 _ITS_OWN = re.compile(
     r"STAT_(?!RESET$).*|BARO\d_GND_PRESS|SYS_NUM_RESETS|FORMAT_VERSION|(MIS|FENCE|RALLY)_TOTAL"
 )
@@ -320,14 +308,14 @@ class MavsdkParameters:
             progress(len(values), len(values))
         return values
 
-    def write(self, name: str, value: float) -> Written:
+    def write(self, name: str, value: float) -> ParameterSet:
         """Set a parameter if it differs, read it back and compare as float32, as `read_write.write`."""
         with MavsdkRider(self.link) as rider:
             plugin = _plugin(rider)
             old, whole = _read_by_mavsdk(rider, plugin, name)
             wanted = float32(value)
             if old == wanted:
-                return Written(name, old, old)
+                return ParameterSet(name, old, old)
             set_it: Callable[[str, Any], object] = plugin.set_param_int if whole else plugin.set_param_float
             given = int(wanted) if whole else wanted
             with suppress(LinkError):  # a value that is refused reads back as the old one
@@ -335,7 +323,7 @@ class MavsdkParameters:
             back, _ = _read_by_mavsdk(rider, plugin, name)
         if back != wanted:
             raise ParameterKept(name, value, back)
-        return Written(name, old, back)
+        return ParameterSet(name, old, back)
 
 
 def _plugin(rider: MavsdkRider) -> Param:

@@ -7,6 +7,7 @@ it denies a stream that only the new loop rate allows, and refuses to restart sc
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import re
 import tempfile
@@ -18,7 +19,7 @@ from firmware_params.applet_parameters import PARAMETERS, applet_path, applet_so
 from firmware_params.param_files import Difference, WantedParameter, compare
 from rover_sweep.errors import LinkError
 from rover_sweep.files.documents import read_json
-from rover_sweep.vehicle.events import Event, Notice, ParameterSet, Rebooting
+from rover_sweep.vehicle.events import Event, Notice, Rebooting
 from rover_sweep.vehicle.identity import VehicleIdentity, identify_vehicle
 from rover_sweep.vehicle.link.link import Link, Refused, crc32, remote_crc32
 from rover_sweep.vehicle.link.mavlink import ftp_get, ftp_put
@@ -164,7 +165,7 @@ def _key(vehicle: VehicleIdentity) -> str:
 
 Consent = Callable[[tuple[str, ...]], bool]  # whether the rover may be rebooted, for these reasons
 _FACTORY_RATE = 50  # Hz, default of SCHED_LOOP_RATE
-_SCRIPTS_START = 20.0  # s after boot within which scripts start
+SCRIPTS_START = 20.0  # s after boot within which scripts start
 
 
 def always(because: tuple[str, ...]) -> bool:
@@ -209,9 +210,16 @@ def install(
         yield Notice("warning", sentence)
     if applet is None:
         return
-    patience = _SCRIPTS_START if rebooted or link.clock.now < _SCRIPTS_START else 0.0
-    if replace or not await_applet(link, patience):
-        yield from _copy_applet(link, applet, may_reboot)
+    patience = SCRIPTS_START if rebooted or link.clock.now < SCRIPTS_START else 0.0
+    if not replace and await_applet(link, patience):
+        return
+    waits_for = yield from copied_applet(link, applet)
+    if waits_for and not may_reboot((waits_for,)):
+        yield Notice("warning", "the applet will start after a reboot")
+    elif waits_for:
+        yield Rebooting((waits_for,))
+        reboot(link)
+        await_applet(link)
 
 
 def _set(
@@ -224,7 +232,7 @@ def _set(
             missing.append(difference.sentence)
             continue
         written = write_parameter(link, difference.name, difference.wanted)
-        yield ParameterSet(written.name, written.old, written.value, difference.needs_reboot)
+        yield dataclasses.replace(written, reboot=difference.needs_reboot)
         because += [difference.name] if difference.needs_reboot else []
     return tuple(because), tuple(missing)
 
@@ -243,22 +251,14 @@ def _set_but_not_booted(link: Link, parameters: Sequence[WantedParameter]) -> tu
     return () if grants(link, "SYSTEM_TIME", has[wanted.name]) else (wanted.name,)
 
 
-def _copy_applet(link: Link, applet: Path, may_reboot: Consent) -> Iterator[Event]:
-    place = upload(link, applet)
-    yield Notice("info", f"the applet was copied to {place}")
+def copied_applet(link: Link, applet: Path) -> Generator[Event, None, str]:
+    """Copy the applet and start it; returns the name of what waits for a reboot, '' if the applet runs."""
+    yield Notice("info", f"the applet was copied to {upload(link, applet)}")
     try:
         restart_scripts(link)
-        because = applet.name
     except Refused:
-        because = "SCR_ENABLE"
-    if because == applet.name and await_applet(link):
-        return
-    if not may_reboot((because,)):
-        yield Notice("warning", "the applet will start after a reboot")
-        return
-    yield Rebooting((because,))
-    reboot(link)
-    await_applet(link)
+        return "SCR_ENABLE"
+    return "" if await_applet(link) else applet.name
 
 
 # Whether a rover has the parameters and the applet that identification needs.
@@ -346,7 +346,7 @@ def survey(link: Link, wanted: Sequence[WantedParameter]) -> Survey:
 # Writes a .param file to a rover: sets the parameters that differ, reads them back, reboots if needed.
 #
 # It can be interrupted anywhere and repeated: parameters already set no longer differ, and those that wait
-# for a reboot are noted in a folder before the reboot (`setup.pending_reboot`).
+# for a reboot are noted in a folder before the reboot (`note`).
 
 
 # Parameters that take effect after a reboot only, in addition to those that a file marks with [reboot]
@@ -395,7 +395,7 @@ def push(
                 withdraw(folder, vehicle, boots, difference.name)
             yield Notice("warning", str(kept))
             continue
-        yield ParameterSet(written.name, written.old, written.value, restart)
+        yield dataclasses.replace(written, reboot=restart)
     because = waiting(folder, vehicle, boots)
     if not because:
         return

@@ -16,7 +16,7 @@ from rover_sweep.vehicle.events import Event, Notice, ParameterSet, Rebooting
 from rover_sweep.vehicle.link.link import Link
 from rover_sweep.vehicle.logs import parameter_source
 from rover_sweep.vehicle.preflight.read_rover import Check, Remedy
-from rover_sweep.vehicle.preflight.readiness import carry_out
+from rover_sweep.vehicle.preflight.readiness import remedy
 from rover_sweep.vehicle.setup import NOTE, awaiting_reboot, install, needs_reboot, push
 
 WANTED = parse("INS_GYRO_FILTER 20\nSCHED_LOOP_RATE 400 # [reboot]\nSWP_WMIN 0.1\nSCR_ENABLE 0\nNOT_THERE 1")
@@ -112,7 +112,7 @@ def test_an_armed_rover_is_left_alone(link: Link, vehicle: FakeVehicle, tmp_path
         list(install(link, WANTED, None))
     check = Check("parameters", "bad", "", remedy=Remedy("set", sets=(("SWP_WMIN", 0.1),)))
     with pytest.raises(LinkError, match="armed; disarm it first"):
-        list(carry_out(link, check, False, tmp_path))
+        list(remedy(link, check, False, tmp_path))
     assert vehicle.of_kind("PARAM_SET") == []
 
 

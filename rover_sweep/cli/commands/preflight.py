@@ -81,7 +81,7 @@ def _fix(link: Link, checks: Sequence[Check], name: str, folder: Path, yes: bool
     if not check.remedy.by_hand and not yes and not confirmed(f"{name}: {check.remedy.words}?"):
         return
     display = PlainDisplay(console, talk=True)
-    for event in remedy(link, check, reboot=check.remedy.reboot, folder=folder):
+    for event in remedy(link, check, may_reboot=check.remedy.reboot, folder=folder):
         display.show(event)
 
 

@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any, Self
 
 from rover_sweep.errors import LinkError, UsageError
+from rover_sweep.vehicle.events import Said
 from rover_sweep.vehicle.link.inbox import Inbox, LinkQuality, Refusals
 from rover_sweep.vehicle.link.mavlink import (
     SAFETY_ARMED,
@@ -29,7 +30,7 @@ from rover_sweep.vehicle.link.mavlink import (
     vehicle_type_name,
 )
 from rover_sweep.vehicle.link.recorded_transport import TlogWriter
-from rover_sweep.vehicle.link.statustext import StatusText, TextAssembler, Unwatched, Watch
+from rover_sweep.vehicle.link.statustext import TextAssembler, Unwatched, Watch
 from rover_sweep.vehicle.link.transport import Line, Transport
 
 # The vehicle's clock, and periodic actions on it.
@@ -226,9 +227,9 @@ class Connection:
         self.line = line
         self.clock = VehicleClock()
         self.heartbeat: Message | None = None
-        self.texts: deque[StatusText] = deque(maxlen=200)
+        self.texts: deque[Said] = deque(maxlen=200)
         self._listeners: list[Callable[[Message], None]] = []
-        self._text_listeners: list[Callable[[StatusText], None]] = []
+        self._text_listeners: list[Callable[[Said], None]] = []
         self._transport = transport
         self._recorder = recorder
         self._codec = Codec(key=access.key, wall=line.wall())
@@ -377,7 +378,7 @@ class Connection:
                     f"this session goes on with system {self.target[0]}"
                 )
 
-    def _take_texts(self, texts: tuple[StatusText, ...]) -> None:
+    def _take_texts(self, texts: tuple[Said, ...]) -> None:
         self.texts.extend(texts)
         for text in texts:
             for listener in self._text_listeners:
@@ -389,7 +390,7 @@ class Connection:
 
     @contextmanager
     def listening(
-        self, messages: Callable[[Message], None], texts: Callable[[StatusText], None] | None = None
+        self, messages: Callable[[Message], None], texts: Callable[[Said], None] | None = None
     ) -> Iterator[None]:
         """Inside the block, call `messages` with each message and `texts` with each complete status text."""
         self._listeners.append(messages)

@@ -8,6 +8,7 @@ from math import log
 
 from rover_sweep.errors import LinkError
 from rover_sweep.files.documents import printable
+from rover_sweep.vehicle.events import Said
 from rover_sweep.vehicle.link.mavlink import Message
 
 _CHUNK = 50  # characters
@@ -16,15 +17,6 @@ _OPEN = 16  # most texts that wait for chunks at a time
 _LONGEST = 256  # characters of a whole text
 _WAITS = 5.0  # s of the vehicle's clock after which a text is shown without its lost chunks
 LOST = "[...]"  # where a chunk was lost
-
-
-@dataclass(frozen=True)
-class StatusText:
-    """A printable status text. t: arrival on the vehicle's clock [s]; severity: MAV_SEVERITY (0: worst)."""
-
-    t: float
-    severity: int
-    text: str
 
 
 @dataclass
@@ -50,22 +42,22 @@ class TextAssembler:
 
     _open: dict[int, _Open] = field(default_factory=dict)  # by id, oldest first
 
-    def add(self, message: Message, t: float) -> tuple[StatusText, ...]:
+    def add(self, message: Message, t: float) -> tuple[Said, ...]:
         """The texts that end with this message, complete or not, oldest first. t: vehicle's clock [s]."""
         late, number = self.late(t), int(getattr(message, "id", 0))
         if not number:
             return (*late, _text(t, message.severity, message.text))
         return (*late, *self._chunk(number, message, t))
 
-    def late(self, t: float) -> tuple[StatusText, ...]:
+    def late(self, t: float) -> tuple[Said, ...]:
         """The texts that have waited too long for a lost chunk. t: vehicle's clock [s]."""
         waited = ((number, t - entry.since) for number, entry in self._open.items())
         # a clock that went back: the vehicle rebooted, the rest will not come
         return tuple(self._closed(n, t) for n in [n for n, seconds in waited if not -1 <= seconds <= _WAITS])
 
-    def _chunk(self, number: int, message: Message, t: float) -> tuple[StatusText, ...]:
+    def _chunk(self, number: int, message: Message, t: float) -> tuple[Said, ...]:
         text, at = _content(message.text), int(getattr(message, "chunk_seq", 0))
-        ready: list[StatusText] = []
+        ready: list[Said] = []
         if number in self._open and _another(self._open[number], at, text):
             ready.append(self._closed(number, t))
         if number not in self._open and len(self._open) >= _OPEN:
@@ -78,7 +70,7 @@ class TextAssembler:
             ready.append(self._closed(number, t))
         return tuple(ready)
 
-    def _closed(self, number: int, t: float) -> StatusText:
+    def _closed(self, number: int, t: float) -> Said:
         entry = self._open.pop(number)
         return _text(t, entry.severity, _joined(entry.chunks, entry.last))
 
@@ -97,8 +89,8 @@ def _content(text: str) -> str:
     return text.rstrip("\0")
 
 
-def _text(t: float, severity: int, text: str) -> StatusText:
-    return StatusText(t, severity, printable(_content(text)[:_LONGEST])[:_LONGEST])
+def _text(t: float, severity: int, text: str) -> Said:
+    return Said(t, severity, printable(_content(text)[:_LONGEST])[:_LONGEST])
 
 
 # Detects a vehicle that is silent, or sends no heartbeats.

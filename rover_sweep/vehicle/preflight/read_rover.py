@@ -13,7 +13,6 @@ from typing import Any, Literal
 
 from firmware_params.param_files import read, shipped
 from rover_sweep.manoeuvre.sweep import Sweep
-from rover_sweep.vehicle import setup as pending_reboot
 from rover_sweep.vehicle.link.connection import vehicle_seconds
 from rover_sweep.vehicle.link.inbox import LinkQuality
 from rover_sweep.vehicle.link.link import Link
@@ -30,7 +29,7 @@ from rover_sweep.vehicle.link.streams import (
 from rover_sweep.vehicle.link.transport import Line
 from rover_sweep.vehicle.parameters import read_present
 from rover_sweep.vehicle.run.controls import pump
-from rover_sweep.vehicle.setup import Survey, await_applet, survey
+from rover_sweep.vehicle.setup import SCRIPTS_START, Survey, await_applet, survey, waiting
 
 # Values read from a rover before a run. The checks judge these values and read nothing.
 #
@@ -201,7 +200,6 @@ _NAMES = (
 )
 _SETTLED, _MEASURED = 0.5, 2.0  # s of the vehicle's clock: ArduPilot slows streams during transfers
 _JUDGED = 10.0  # Hz: a slower stream sends too few messages in that time
-_SCRIPTS_START = 20.0  # s after boot within which scripts start
 _ANSWER = 1.0  # s
 
 
@@ -213,8 +211,8 @@ def look(link: Link, folder: Path, w_max: float | None = None) -> Observation:
     """
     latest = _messages(link)
     has = read_present(link, _NAMES)
-    if has.get("SCR_ENABLE") == 1 and link.clock.now < _SCRIPTS_START:
-        await_applet(link, _SCRIPTS_START - link.clock.now)
+    if has.get("SCR_ENABLE") == 1 and link.clock.now < SCRIPTS_START:
+        await_applet(link, SCRIPTS_START - link.clock.now)
     found = survey(link, read(shipped("identification")))
     sticks = [f"RC{int(has.get(name, usual))}" for name, usual in (("RCMAP_ROLL", 1), ("RCMAP_THROTTLE", 3))]
     has |= read_present(link, [f"{stick}_{what}" for stick in sticks for what in ("TRIM", "DZ")])
@@ -228,7 +226,7 @@ def look(link: Link, folder: Path, w_max: float | None = None) -> Observation:
         streams=granted,
         quality=quality,
         clock=clock,
-        pending=pending_reboot.waiting(folder, found.vehicle, has.get("STAT_BOOTCNT", 0.0)),
+        pending=waiting(folder, found.vehicle, has.get("STAT_BOOTCNT", 0.0)),
         disk=(_free(folder), folder.name or str(folder)),
         link=link.quality,
         **_values(latest),

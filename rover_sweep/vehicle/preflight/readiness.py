@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Generator, Iterator, Mapping
+from dataclasses import replace
 from math import isnan
 from pathlib import Path
 
@@ -12,17 +13,12 @@ from firmware_params.applet_parameters import applet_path
 from firmware_params.param_files import compare, read, shipped
 from rover_sweep.errors import LinkError, UsageError
 from rover_sweep.logs.readers.tlog import STAMP, parse_tlog
-from rover_sweep.vehicle import setup as pending_reboot
-from rover_sweep.vehicle.events import Event, Notice, ParameterSet, Rebooting
+from rover_sweep.vehicle.events import Event, Notice, Rebooting
 from rover_sweep.vehicle.identity import identify_vehicle, mode_name
 from rover_sweep.vehicle.link.inbox import ADVICE, BadLink
-from rover_sweep.vehicle.link.link import Link, Refused
+from rover_sweep.vehicle.link.link import Link
 from rover_sweep.vehicle.parameters import read_present, write_parameter
 from rover_sweep.vehicle.preflight import onboard, rates
-from rover_sweep.vehicle.preflight import onboard as disk
-from rover_sweep.vehicle.preflight import onboard as recording_source
-from rover_sweep.vehicle.preflight import rates as radio_check
-from rover_sweep.vehicle.preflight.rates import link as link_check
 from rover_sweep.vehicle.preflight.read_rover import (
     Battery,
     Check,
@@ -34,7 +30,16 @@ from rover_sweep.vehicle.preflight.read_rover import (
     look,
 )
 from rover_sweep.vehicle.run.controls import MANUAL
-from rover_sweep.vehicle.setup import await_applet, reboot, refuse_armed, restart_scripts, upload
+from rover_sweep.vehicle.setup import (
+    SCRIPTS_START,
+    await_applet,
+    copied_applet,
+    forget,
+    note,
+    reboot,
+    refuse_armed,
+    waiting,
+)
 
 # EKF_STATUS_FLAGS (ardupilotmega dialect): reliable speed and position need velocity and position
 _ATTITUDE, _VELOCITY, _POSITION, _CONSTANT = 1, 2, 16, 128
@@ -143,11 +148,15 @@ def armed(observed: Observation) -> Check:
 Waits = Generator[Event, None, tuple[str, ...]]  # yields events, returns the names that wait for a reboot
 _SCRIPTING = ("SCR_ENABLE", "SCR_HEAP_SIZE")
 _NEED_REBOOT = frozenset({"SCR_ENABLE", "SCR_HEAP_SIZE", "SCHED_LOOP_RATE"})
-_SCRIPTS_START = 20.0  # s after boot within which scripts start
 
 
-def carry_out(link: Link, check: Check, may_reboot: bool, folder: Path) -> Iterator[Event]:
-    """Carry out the remedy of `check`. See `all_checks.remedy`."""
+def remedy(link: Link, check: Check, may_reboot: bool, folder: Path | None = None) -> Iterator[Event]:
+    """Carry out the remedy of `check`; run `preflight` again to see whether it helped.
+
+    folder: that of the preflight; by default the folder that the link records into. UsageError if only a
+    person can do it, LinkError if the vehicle refuses.
+    """
+    folder = folder or link.tlog.parent
     if check.remedy is None:
         raise UsageError(f"this program has no remedy for {check.name} ({check.seen})")
     if check.remedy.by_hand:
@@ -164,8 +173,8 @@ def carry_out(link: Link, check: Check, may_reboot: bool, folder: Path) -> Itera
     deed = None if sets else _DEEDS.get(check.name)
     waits = (yield from _set(link, dict(sets))) if deed is None else (yield from deed(link))
     if waits:
-        pending_reboot.note(folder, vehicle, boots, waits)
-    because = pending_reboot.waiting(folder, vehicle, boots)
+        note(folder, vehicle, boots, waits)
+    because = waiting(folder, vehicle, boots)
     if not because or not check.remedy.reboot:
         return
     if not may_reboot:
@@ -173,9 +182,9 @@ def carry_out(link: Link, check: Check, may_reboot: bool, folder: Path) -> Itera
         return
     yield Rebooting(because)
     reboot(link)
-    pending_reboot.forget(folder)
+    forget(folder)
     if read_present(link, ["SCR_ENABLE"]).get("SCR_ENABLE") == 1:
-        await_applet(link, _SCRIPTS_START)
+        await_applet(link, SCRIPTS_START)
 
 
 def _set(link: Link, values: Mapping[str, float]) -> Waits:
@@ -183,7 +192,7 @@ def _set(link: Link, values: Mapping[str, float]) -> Waits:
     for name, value in values.items():
         written = write_parameter(link, name, value)
         if written.changed:
-            yield ParameterSet(written.name, written.old, written.value, name in _NEED_REBOOT)
+            yield replace(written, reboot=name in _NEED_REBOOT)
             waits += [name] if name in _NEED_REBOOT else []
     return tuple(waits)
 
@@ -193,15 +202,8 @@ def _applet(link: Link) -> Waits:
     wanted = [p for p in read(shipped("identification")) if p.name in _SCRIPTING]
     differences = compare(read_present(link, _SCRIPTING), wanted)
     waits = yield from _set(link, {d.name: d.wanted for d in differences if d.found is not None})
-    place = upload(link, applet_path())
-    yield Notice("info", f"the applet was copied to {place}")
-    try:
-        restart_scripts(link)
-    except Refused:
-        return waits or ("SCR_ENABLE",)
-    if "SCR_ENABLE" in waits or not await_applet(link):
-        return waits or (applet_path().name,)
-    return waits
+    because = yield from copied_applet(link, applet_path())
+    return waits or ((because,) if because else ())
 
 
 def _manual(link: Link) -> Waits:
@@ -239,18 +241,18 @@ def arrival_clock(tlog: Path, span: tuple[float, float]) -> ClockComparison | No
 # `preflight`: all checks before a run. `remedy`: correct what one check found.
 #
 #     checks = preflight(link, folder)
-#     for event in remedy(link, checks[1], reboot=True): ...
+#     for event in remedy(link, checks[1], may_reboot=True): ...
 #
 # `preflight` changes nothing on the vehicle. `remedy` moves and arms nothing. On an armed rover it only
-# disarms. It reboots only with reboot=True; otherwise it sets the parameters, notes that they wait for a
-# reboot (`setup.pending_reboot`), and the next preflight in that folder asks for the reboot.
+# disarms. It reboots only with may_reboot=True; otherwise it sets the parameters, notes that they wait for a
+# reboot (`setup.note`), and the next preflight in that folder asks for the reboot.
 
 
 _IN_ORDER = (
     *(armed, onboard.firmware, onboard.parameters, onboard.applet),
-    *(rates.loop_rate, rates.filters, link_check, rates.streams, rates.clock),
-    *(onboard.logging, recording_source.source, disk.disk),
-    *(battery, gps, ekf, radio_check.rc, radio_check.switch, mode),
+    *(rates.loop_rate, rates.filters, rates.link, rates.streams, rates.clock),
+    *(onboard.logging, onboard.source, onboard.disk),
+    *(battery, gps, ekf, rates.rc, rates.switch, mode),
 )
 NAMES = tuple(check.__name__ for check in _IN_ORDER)
 """Names of all checks, in the order in which to correct them."""
@@ -285,12 +287,3 @@ def _other(link: Link) -> Check | None:
 def all_checks(observed: Observation) -> tuple[Check, ...]:
     """All checks on observed values. Pure."""
     return tuple(check(observed) for check in _IN_ORDER)
-
-
-def remedy(link: Link, check: Check, reboot: bool, folder: Path | None = None) -> Iterator[Event]:
-    """Carry out the remedy of `check`; run `preflight` again to see whether it helped.
-
-    folder: that of the preflight; by default the folder that the link records into. UsageError if only a
-    person can do it, LinkError if the vehicle refuses.
-    """
-    return carry_out(link, check, reboot, folder or link.tlog.parent)

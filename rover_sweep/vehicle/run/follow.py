@@ -13,7 +13,6 @@ from rover_sweep.data.geometry import MILLI_G
 from rover_sweep.vehicle.events import Event, Said, Sample, StateChanged
 from rover_sweep.vehicle.link.connection import VehicleClock
 from rover_sweep.vehicle.link.mavlink import Message, kind
-from rover_sweep.vehicle.link.statustext import StatusText
 
 _SAMPLE_EVERY = 0.1  # s of the vehicle's clock between two `Sample`s
 _REFUSED = "SWP: refused: "
@@ -109,9 +108,9 @@ class Follower:
         elif name == "LOCAL_POSITION_NED":
             self.speed = math.hypot(message.vx, message.vy)
 
-    def text(self, text: StatusText) -> None:
+    def text(self, text: Said) -> None:
         """Take a whole status text."""
-        self._events.append(Said(text.t, text.severity, text.text))
+        self._events.append(text)
         if text.text.startswith(_REFUSED):
             self.refused = text.text.removeprefix(_REFUSED)
         if told := outcome_told(text.text):

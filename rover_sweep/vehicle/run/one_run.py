@@ -22,15 +22,7 @@ from pathlib import Path
 from firmware_params.applet_parameters import STATES, SWITCH_LOW
 from rover_sweep.errors import LinkError, RoverSweepError, UsageError
 from rover_sweep.manoeuvre.sweep import Manoeuvre, parameters_of
-from rover_sweep.vehicle.events import (
-    Armed,
-    Event,
-    Notice,
-    ParameterSet,
-    RunFinished,
-    RunStarted,
-    SwitchWanted,
-)
+from rover_sweep.vehicle.events import Armed, Event, Notice, RunFinished, RunStarted, SwitchWanted
 from rover_sweep.vehicle.link.inbox import BadLink
 from rover_sweep.vehicle.link.link import Link, Refused
 from rover_sweep.vehicle.link.mavlink import Message
@@ -287,7 +279,7 @@ def _upload(link: Link, values: Mapping[str, float]) -> Iterator[Event]:
     for name, value in values.items():
         written = write_parameter(link, name, value)
         if written.changed:
-            yield ParameterSet(written.name, written.old, written.value)
+            yield written
 
 
 def _start(
