@@ -60,6 +60,12 @@ def announced_kind(log: Log, start: float) -> Kind | None:
     )
 
 
+def stop_reason(log: Log, at: float) -> str:
+    """The applet's message when it stopped a run at a time [s]."""
+    said = (text for t, text in log.marks if abs(t - at) < 1.0 and END.match(text))
+    return printable(next(said, "reason not logged"))
+
+
 def ends(log: Log) -> list[float]:
     """Times [s] of the applet's messages that a run is done or stopped."""
     return [t for t, text in log.marks if END.match(text)]
@@ -139,5 +145,4 @@ def _stopped(log: Log, rows: AppletRows, end: float) -> str:
     stops = rows.t[(rows.state == STOPPED) & (rows.t >= end)]
     if not stops.size:
         return ""
-    said = (text for t, text in log.marks if abs(t - stops[0]) < 1.0 and END.match(text))
-    return printable(next(said, "reason not logged"))
+    return stop_reason(log, float(stops[0]))

@@ -10,9 +10,7 @@ from numpy.typing import NDArray
 
 from rover_sweep.data.recording import Kind, Note, Recording, Signal
 from rover_sweep.errors import DataRefused
-from rover_sweep.files.documents import printable
 from rover_sweep.logs.applet import (
-    END,
     OVERRIDE_STATES,
     STOPPED,
     WAVE_STATES,
@@ -22,6 +20,7 @@ from rover_sweep.logs.applet import (
     identity,
     is_old,
     starts,
+    stop_reason,
 )
 from rover_sweep.logs.log import AppletRows, Array, Log, limits_of_steering
 from rover_sweep.logs.readers.csv_table import without_dead_channels
@@ -150,10 +149,8 @@ def _states_window(log: Log, rows: AppletRows, waving: Bool) -> Window:
     notes: tuple[Note, ...] = ()
     if stopped.size:
         at = float(rows.t[stopped[0]])
-        reason = next(
-            (text for t, text in log.marks if abs(t - at) < 1.0 and END.match(text)), "reason not logged"
-        )
-        notes = (Note("warning", f"The applet stopped this run at {at - start:.1f} s ({printable(reason)})"),)
+        text = f"The applet stopped this run at {at - start:.1f} s ({stop_reason(log, at)})"
+        notes = (Note("warning", text),)
     return Window(start, end, rows.t[override][0], rows.t[override][-1], f"run {rows.run[0]:.0f}", notes)
 
 

@@ -319,6 +319,10 @@ class ScreenRows:
         """Add a row with a coloured background over the whole width."""
         return self.add((text[: self.width].ljust(self.width), style))
 
+    def listed(self, text: str, chosen: bool) -> ScreenRows:
+        """Add a row of a list; the chosen one is inverse."""
+        return self.filled(text, self.palette.inverse) if chosen else self.add(text, style=self.palette.ink)
+
     def blank(self, count: int = 1) -> ScreenRows:
         """Add empty rows, as far as there is room."""
         for _ in range(min(count, max(0, self.left))):

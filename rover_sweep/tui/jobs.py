@@ -183,6 +183,13 @@ async def run_job(job: AnalysisJob) -> AsyncGenerator[AnalysisJob, None]:
     yield ended(replace(job, seconds=time.monotonic() - began), code)
 
 
+async def _run_to_its_end(job: AnalysisJob) -> AnalysisJob:
+    async with contextlib.aclosing(run_job(job)) as going:
+        async for going_on in going:
+            job = going_on
+    return job
+
+
 async def _end(process: asyncio.subprocess.Process) -> None:
     process.terminate()
     try:
@@ -330,9 +337,7 @@ class Desk:
 
     async def _proposed(self, job: AnalysisJob) -> None:
         try:
-            async with contextlib.aclosing(run_job(job)) as going:
-                async for going_on in going:
-                    job = going_on
+            job = await _run_to_its_end(job)
             self.proposal = rows_of_plan(json.loads(job.output)) if job.outcome == "done" else ()
             self.proposing = "" if self.proposal else _none(job)
         except (OSError, ValueError, KeyError, TypeError) as error:
@@ -342,9 +347,7 @@ class Desk:
 
     async def _chosen(self, job: AnalysisJob, add: Callable[[tuple[Row, ...]], object]) -> None:
         try:
-            async with contextlib.aclosing(run_job(job)) as going:
-                async for going_on in going:
-                    job = going_on
+            job = await _run_to_its_end(job)
             document = json.loads(job.output) if job.outcome == "done" else {}
             self.next_step = str(document["sentence"]) if document else f"no next step: {job.last}"
             if rows := rows_of_plan(document):

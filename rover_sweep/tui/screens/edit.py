@@ -76,10 +76,7 @@ class EditRow(ModalScreen[Row | None]):
             if n == self.chosen and self._typed:
                 shown = self._typed + "_"
             line = f" {'▶' if n == self.chosen else ' '} {field.words:<22}{shown:>10} {field.unit}"
-            if n == self.chosen:
-                rows.filled(line, palette.inverse)
-            else:
-                rows.add(line, style=palette.ink)
+            rows.listed(line, n == self.chosen)
         rows.blank().sentence(
             self._refusal or f"{self.row.manoeuvre.duration:.0f} s of steering",
             f"bold {palette.bad}" if self._refusal else palette.ink,
@@ -278,10 +275,7 @@ class ConnectScreen(SessionScreen):
         for n in window(len(found), self.chosen, height - 9):
             mark = "▶" if n == self.chosen else " "
             line = f" {mark} {found[n].url:<46.46} {found[n].origin}"
-            if n == self.chosen:
-                rows.filled(line, self.palette.inverse)
-            else:
-                rows.add(line, style=self.palette.ink)
+            rows.listed(line, n == self.chosen)
         rows.blank()
         if self.state.vehicle is not None:
             vehicle = self.state.vehicle

@@ -22,8 +22,6 @@ from rover_sweep.tui.model.plan_rows import Task, task
 from rover_sweep.tui.model.state import State
 
 if TYPE_CHECKING:
-    from rover_sweep.tui.drawn import Palette
-    from rover_sweep.tui.model.state import State
     from rover_sweep.tui.session_app import SessionApp
 
 VIEWS = ("connect", "preflight", "plan", "run", "verdict", "log", "results")
@@ -218,10 +216,8 @@ class KeysHelp(ModalScreen[None]):
     def action_scroll(self, step: int) -> None:
         self.query_one(VerticalScroll).scroll_relative(y=step, animate=False)
 
-    def on_key(self, event: object) -> None:
-        from textual import events
-
-        if isinstance(event, events.Key) and event.key not in ("up", "down", "pageup", "pagedown"):
+    def on_key(self, event: events.Key) -> None:
+        if event.key not in ("up", "down", "pageup", "pagedown"):
             event.stop()
             self.dismiss(None)
 

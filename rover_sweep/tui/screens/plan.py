@@ -75,10 +75,7 @@ class PlanScreen(SessionScreen):
                 ),
                 sizes,
             )
-            if n == self.chosen:
-                rows.filled(line, palette.inverse)
-            else:
-                rows.add(line, style=palette.ink)
+            rows.listed(line, n == self.chosen)
         if not plan:
             rows.sentence("The plan is empty: A adds a sweep, D a doublet, P proposes runs.", palette.ink)
         rows.blank()

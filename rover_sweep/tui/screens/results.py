@@ -73,10 +73,7 @@ class ResultsScreen(SessionScreen):
             took = labels.seconds(job.seconds) if job.seconds else "earlier"
             text = job.summary[0] if job.summary else job.last
             line = cut_line(f" {mark} {_SIGNS[job.outcome]:<10} {job.kind:<10} {took:>10}  {text}", width)
-            if n == self.index:
-                rows.filled(line, palette.inverse)
-            else:
-                rows.add(line, style=palette.ink)
+            rows.listed(line, n == self.index)
         if self.job is not None:
             self._about(rows, self.job)
         return rows.text()

@@ -20,7 +20,6 @@ from rover_sweep.vehicle.link.mavlink import (
     is_known,
     kind,
     signs,
-    source_system,
 )
 from rover_sweep.vehicle.link.transport import Line
 
@@ -341,7 +340,7 @@ class Inbox:
         """Frames and noise in the bytes received, without the frames of other vehicles."""
         pieces = list(self._framer.feed(data))
         if self.others:
-            pieces = [p for p in pieces if not (p[1] and source_system(p[0]) in self.others)]
+            pieces = [p for p in pieces if not (p[1] and frame_source(p[0])[0] in self.others)]
         return pieces
 
     def add(self, pieces: Pieces) -> None:

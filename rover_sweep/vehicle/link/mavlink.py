@@ -14,13 +14,17 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 from fastcrc import crc16
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from rover_sweep.errors import UsageError
 from rover_sweep.files.documents import printable
+
+if TYPE_CHECKING:
+    from rover_sweep.vehicle.link.link import Link
+    from rover_sweep.vehicle.link.transport import Line
 
 # MAVLink signing: reading a key from a file, and checking a frame's signature.
 #
@@ -31,7 +35,8 @@ from rover_sweep.files.documents import printable
 
 EPOCH = 1_420_070_400  # s since 1970: 2015-01-01, from which timestamps count
 TICK = 1e-5  # s, the unit of a timestamp
-_V2, _FLAG, _SIGNATURE_FIELD = 0xFD, 0x01, 6
+V1, V2 = 0xFE, 0xFD
+_SIGNED, _SIGNATURE, _SIGNATURE_FIELD = 0x01, 13, 6  # flag; bytes after a signed frame; of these the hash
 _LONGEST = 4096  # bytes of a key file
 
 
@@ -50,7 +55,7 @@ class SigningKey:
 
 def signs(frame: bytes) -> bool:
     """Whether a whole frame carries a signature, right or wrong."""
-    return frame[0] == _V2 and bool(frame[2] & _FLAG)
+    return frame[0] == V2 and bool(frame[2] & _SIGNED)
 
 
 def timestamp(wall: float) -> int:
@@ -91,10 +96,8 @@ Message = Any  # a pymavlink message: attributes are the MAVLink fields
 GCS_SYSTEM = 255  # SYSID_MYGCS: overrides from any other system are ignored (AP: handle_rc_channels_override)
 GCS_COMPONENT = 190  # MAV_COMP_ID_MISSIONPLANNER, the usual id of a ground station
 SAFETY_ARMED = 128  # MAV_MODE_FLAG_SAFETY_ARMED of a heartbeat's base_mode
-V1, V2 = 0xFE, 0xFD
 _LINK_ID = 0  # of our signatures: one link at a time
 _FTP_IDLE = 3.0  # s in which we send nothing that end a download; 29 kB come in 2 s in one burst (4.6.3 SITL)
-_SIGNED, _SIGNATURE = 0x01, 13  # incompatibility flag, bytes of the signature
 _NAMES = {  # the fields that hold a name: of a parameter, of a value
     dialect.MAVLINK_MSG_ID_PARAM_VALUE: "param_id",
     dialect.MAVLINK_MSG_ID_NAMED_VALUE_FLOAT: "name",
@@ -142,11 +145,6 @@ def kind(message: Message) -> str:
 def sender(message: Message) -> tuple[int, int]:
     """(system, component) the message came from."""
     return message.get_srcSystem(), message.get_srcComponent()
-
-
-def source_system(frame: bytes) -> int:
-    """System id of the sender of a whole frame, without decoding it."""
-    return frame[5] if frame[0] == V2 else frame[3]
 
 
 def is_autopilot(message: Message) -> bool:
@@ -296,30 +294,12 @@ def _checksum_right(buffer: bytearray, at: int, end: int) -> bool:
     return bool(right == int.from_bytes(buffer[crc_at : crc_at + 2], "little"))
 
 
-class Clock(Protocol):
-    """The clock for waits [s]."""
-
-    def monotonic(self) -> float: ...
-    def sleep(self, seconds: float) -> None: ...
-
-
-class FtpLink(Protocol):
-    """The part of a link that an FTP transfer needs."""
-
-    @property
-    def target(self) -> tuple[int, int]: ...
-    @property
-    def line(self) -> Clock: ...
-    def send(self, message: Message) -> None: ...
-    def wait_for(self, kinds: str | tuple[str, ...], timeout: float) -> Message | None: ...
-
-
 class _FtpMaster:
     """Looks to pymavlink.mavftp like a mavutil connection; sends and receives through our link."""
 
     source_system, source_component = GCS_SYSTEM, GCS_COMPONENT
 
-    def __init__(self, link: FtpLink) -> None:
+    def __init__(self, link: Link) -> None:
         self._link = link
         self.mav = self
 
@@ -338,7 +318,7 @@ class _FtpMaster:
         return self._link.wait_for(tuple(type), timeout)
 
 
-def ftp_put(link: FtpLink, local: str, remote: str, progress: Callable[[float], None] | None = None) -> str:
+def ftp_put(link: Link, local: str, remote: str, progress: Callable[[float], None] | None = None) -> str:
     """Upload a file by MAVLink FTP (pymavlink.mavftp). Returns '' or an error as a phrase."""
     with _ftp(link) as ftp:
         ftp.cmd_put([local, remote], progress_callback=progress)
@@ -346,7 +326,7 @@ def ftp_put(link: FtpLink, local: str, remote: str, progress: Callable[[float], 
     return "" if result.return_code == 0 else f"MAVLink FTP error {result.error_code}"
 
 
-def ftp_get(link: FtpLink, remote: str, local: str) -> str:
+def ftp_get(link: Link, remote: str, local: str) -> str:
     """Download a file by MAVLink FTP. Returns '' or an error as a phrase."""
     with _ftp(link) as ftp:
         ftp.ftp_settings.idle_detection_time = _FTP_IDLE
@@ -356,7 +336,7 @@ def ftp_get(link: FtpLink, remote: str, local: str) -> str:
 
 
 @contextmanager
-def _ftp(link: FtpLink) -> Iterator[Any]:
+def _ftp(link: Link) -> Iterator[Any]:
     """mavftp on our link. Its log output is off, because our caller reports the result, and it uses the
     link's clock instead of its module's `time`."""
     from pymavlink import mavftp
@@ -373,5 +353,5 @@ def _ftp(link: FtpLink) -> Iterator[Any]:
 class _FtpTime:
     """The two functions of `time` that mavftp calls."""
 
-    def __init__(self, clock: Clock) -> None:
+    def __init__(self, clock: Line) -> None:
         self.time, self.sleep = clock.monotonic, clock.sleep
