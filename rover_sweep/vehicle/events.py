@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
-if TYPE_CHECKING:
-    from rover_sweep.manoeuvre.sweep import Manoeuvre
-    from rover_sweep.vehicle.identity import VehicleIdentity
-    from rover_sweep.vehicle.link.streams import Stream, StreamQuality
+from rover_sweep.manoeuvre.sweep import Manoeuvre
+from rover_sweep.vehicle.identity import VehicleIdentity
+from rover_sweep.vehicle.link.statustext import Said as Said
+from rover_sweep.vehicle.link.streams import Stream, StreamQuality
+from rover_sweep.vehicle.parameters import ParameterSet as ParameterSet
 
 
 @dataclass(frozen=True)
@@ -18,20 +19,6 @@ class Connected:
 
     url: str
     vehicle: VehicleIdentity
-
-
-@dataclass(frozen=True)
-class ParameterSet:
-    """A parameter was set, and reads back so. old: before; reboot: the value takes effect after a reboot."""
-
-    name: str
-    old: float | None
-    value: float
-    reboot: bool = False
-
-    @property
-    def changed(self) -> bool:
-        return self.old != self.value
 
 
 @dataclass(frozen=True)
@@ -53,15 +40,6 @@ class Notice:
     """A sentence for the user. level: 'warning' if it may spoil the result."""
 
     level: Literal["info", "warning"]
-    text: str
-
-
-@dataclass(frozen=True)
-class Said:
-    """A printable status text; t: arrival on the vehicle's clock [s]; severity: MAV_SEVERITY (0: worst)."""
-
-    t: float
-    severity: int
     text: str
 
 

@@ -14,11 +14,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, Protocol
 
 from rover_sweep.errors import LinkError, UsageError
-from rover_sweep.vehicle.events import LogProgress, LogSaved, ParameterSet
+from rover_sweep.vehicle.events import LogProgress, LogSaved
 from rover_sweep.vehicle.link.link import TURN, Link, MavsdkRider, crc32, remote_crc32, remote_sizes
 from rover_sweep.vehicle.link.mavlink import Message
 from rover_sweep.vehicle.link.recorded_transport import writing
-from rover_sweep.vehicle.parameters import read_all, write_parameter
+from rover_sweep.vehicle.parameters import ParameterSet, read_all, write_parameter
 
 if TYPE_CHECKING:
     from mavsdk.plugins.log_files import LogFiles

@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Any
 from firmware_params.param_files import WantedParameter, read, shipped
 from rover_sweep.errors import LinkError, RoverSweepError, UsageError
 from rover_sweep.files.documents import printable
-from rover_sweep.vehicle.events import ParameterSet
 from rover_sweep.vehicle.link.inbox import LONGEST, BadLink
 from rover_sweep.vehicle.link.link import Link, MavsdkRider
 from rover_sweep.vehicle.link.mavlink import Message, kind
@@ -50,6 +49,20 @@ class ParameterKept(LinkError):
     def __init__(self, name: str, wanted: float, kept: float, why: str = "") -> None:
         why = why or "it may be read-only, an integer, or out of its range"
         super().__init__(f"{name} was set to {wanted:g} but the vehicle has {kept:g}; {why}")
+
+
+@dataclass(frozen=True)
+class ParameterSet:
+    """A parameter was set, and reads back so. old: before; reboot: the value takes effect after a reboot."""
+
+    name: str
+    old: float | None
+    value: float
+    reboot: bool = False
+
+    @property
+    def changed(self) -> bool:
+        return self.old != self.value
 
 
 def float32(value: float) -> float:

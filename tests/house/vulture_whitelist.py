@@ -36,6 +36,7 @@ _ = [
     it.sign_outgoing,
     it.allow_unsigned_callback,
     it.robust_parsing,
+    it.source_system,
     it.source_component,
     it.mav,
     it.file_transfer_protocol_send,

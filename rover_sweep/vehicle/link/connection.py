@@ -16,7 +16,6 @@ from pathlib import Path
 from typing import Any, Self
 
 from rover_sweep.errors import LinkError, UsageError
-from rover_sweep.vehicle.events import Said
 from rover_sweep.vehicle.link.inbox import Inbox, LinkQuality, Refusals
 from rover_sweep.vehicle.link.mavlink import (
     SAFETY_ARMED,
@@ -30,7 +29,7 @@ from rover_sweep.vehicle.link.mavlink import (
     vehicle_type_name,
 )
 from rover_sweep.vehicle.link.recorded_transport import TlogWriter
-from rover_sweep.vehicle.link.statustext import TextAssembler, Unwatched, Watch
+from rover_sweep.vehicle.link.statustext import Said, TextAssembler, Unwatched, Watch
 from rover_sweep.vehicle.link.transport import Line, Transport
 
 # The vehicle's clock, and periodic actions on it.

@@ -14,17 +14,13 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
 from fastcrc import crc16
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from rover_sweep.errors import UsageError
 from rover_sweep.files.documents import printable
-
-if TYPE_CHECKING:
-    from rover_sweep.vehicle.link.link import Link
-    from rover_sweep.vehicle.link.transport import Line
 
 # MAVLink signing: reading a key from a file, and checking a frame's signature.
 #
@@ -294,12 +290,30 @@ def _checksum_right(buffer: bytearray, at: int, end: int) -> bool:
     return bool(right == int.from_bytes(buffer[crc_at : crc_at + 2], "little"))
 
 
+class Clock(Protocol):
+    """The clock for waits [s]."""
+
+    def monotonic(self) -> float: ...
+    def sleep(self, seconds: float) -> None: ...
+
+
+class FtpLink(Protocol):
+    """The part of a link that an FTP transfer needs."""
+
+    @property
+    def target(self) -> tuple[int, int]: ...
+    @property
+    def line(self) -> Clock: ...
+    def send(self, message: Message) -> None: ...
+    def wait_for(self, kinds: str | tuple[str, ...], timeout: float) -> Message | None: ...
+
+
 class _FtpMaster:
     """Looks to pymavlink.mavftp like a mavutil connection; sends and receives through our link."""
 
     source_system, source_component = GCS_SYSTEM, GCS_COMPONENT
 
-    def __init__(self, link: Link) -> None:
+    def __init__(self, link: FtpLink) -> None:
         self._link = link
         self.mav = self
 
@@ -318,7 +332,7 @@ class _FtpMaster:
         return self._link.wait_for(tuple(type), timeout)
 
 
-def ftp_put(link: Link, local: str, remote: str, progress: Callable[[float], None] | None = None) -> str:
+def ftp_put(link: FtpLink, local: str, remote: str, progress: Callable[[float], None] | None = None) -> str:
     """Upload a file by MAVLink FTP (pymavlink.mavftp). Returns '' or an error as a phrase."""
     with _ftp(link) as ftp:
         ftp.cmd_put([local, remote], progress_callback=progress)
@@ -326,7 +340,7 @@ def ftp_put(link: Link, local: str, remote: str, progress: Callable[[float], Non
     return "" if result.return_code == 0 else f"MAVLink FTP error {result.error_code}"
 
 
-def ftp_get(link: Link, remote: str, local: str) -> str:
+def ftp_get(link: FtpLink, remote: str, local: str) -> str:
     """Download a file by MAVLink FTP. Returns '' or an error as a phrase."""
     with _ftp(link) as ftp:
         ftp.ftp_settings.idle_detection_time = _FTP_IDLE
@@ -336,7 +350,7 @@ def ftp_get(link: Link, remote: str, local: str) -> str:
 
 
 @contextmanager
-def _ftp(link: Link) -> Iterator[Any]:
+def _ftp(link: FtpLink) -> Iterator[Any]:
     """mavftp on our link. Its log output is off, because our caller reports the result, and it uses the
     link's clock instead of its module's `time`."""
     from pymavlink import mavftp
@@ -353,5 +367,5 @@ def _ftp(link: Link) -> Iterator[Any]:
 class _FtpTime:
     """The two functions of `time` that mavftp calls."""
 
-    def __init__(self, clock: Line) -> None:
+    def __init__(self, clock: Clock) -> None:
         self.time, self.sleep = clock.monotonic, clock.sleep

@@ -8,7 +8,6 @@ from math import log
 
 from rover_sweep.errors import LinkError
 from rover_sweep.files.documents import printable
-from rover_sweep.vehicle.events import Said
 from rover_sweep.vehicle.link.mavlink import Message
 
 _CHUNK = 50  # characters
@@ -17,6 +16,15 @@ _OPEN = 16  # most texts that wait for chunks at a time
 _LONGEST = 256  # characters of a whole text
 _WAITS = 5.0  # s of the vehicle's clock after which a text is shown without its lost chunks
 LOST = "[...]"  # where a chunk was lost
+
+
+@dataclass(frozen=True)
+class Said:
+    """A printable status text; t: arrival on the vehicle's clock [s]; severity: MAV_SEVERITY (0: worst)."""
+
+    t: float
+    severity: int
+    text: str
 
 
 @dataclass

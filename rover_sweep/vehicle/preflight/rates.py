@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from math import atan2, ceil, degrees, hypot, isnan, pi, sqrt
 
-from firmware_params.applet_parameters import SWITCH_HIGH, SWITCH_LOW
+from firmware_params.applet_parameters import AUX_FUNCTION, SWITCH_HIGH, SWITCH_LOW
 from rover_sweep.manoeuvre.sweep import LEAST_SAMPLES
 from rover_sweep.vehicle.link.inbox import ADVICE, LinkQuality
 from rover_sweep.vehicle.link.streams import LOST, StreamQuality, fastest_interval_ms, stream_fault
@@ -201,7 +201,7 @@ def switch_of(parameters: Mapping[str, float], otherwise: int = 6) -> int:
     """RC channel (1-based) of the applet's switch: SWP_CHAN, else the one with RCn_OPTION 300."""
     if (raw := int(parameters.get("SWP_CHAN", 0))) > 0:
         return raw
-    return next((n for n in range(1, 17) if parameters.get(f"RC{n}_OPTION") == SCRIPTING_1), otherwise)
+    return next((n for n in range(1, 17) if parameters.get(f"RC{n}_OPTION") == AUX_FUNCTION), otherwise)
 
 
 def rc(observed: Observation) -> Check:
