@@ -15,10 +15,10 @@ import numpy as np
 
 from rover_sweep.data.geometry import Tolerances
 from rover_sweep.data.recording import Array, Recording, Signal
+from rover_sweep.data.results import NORMAL_90
 from rover_sweep.data.vehicle_file import Measured, Vehicle
 from rover_sweep.data.vehicle_rules import MATERIAL
 
-HALF_90 = 1.645  # half width of a 90 % interval in standard deviations
 # effect: (its parameter, the number of the vehicle file, unit)
 MEASURED = {
     "steering_asymmetry": ("e", "asymmetry", ""),
@@ -112,15 +112,15 @@ def known(vehicle: Vehicle, spread: Tolerances) -> Known:
     for effect, (parameter, key, unit) in MEASURED.items():
         number: Measured | None = getattr(vehicle, key)
         matters = material_sizes(library()[effect], spread, vehicle.wheelbase).get(parameter, 0.0)
-        if number is not None and number.sd is not None and HALF_90 * number.sd < matters:
+        if number is not None and number.sd is not None and NORMAL_90 * number.sd < matters:
             settled[effect] = f"the bench measured {key} {number}{unit}, which the model includes"
     limit = vehicle.servo_rate_limit
     matters = material_sizes(library()[LIMIT], spread, vehicle.wheelbase)["R"]  # s/rad, of 1/R
-    if limit is not None and limit.sd is not None and HALF_90 * limit.sd / limit.value**2 < matters:
+    if limit is not None and limit.sd is not None and NORMAL_90 * limit.sd / limit.value**2 < matters:
         settled[LIMIT] = f"the bench measured {LIMIT} {limit} rad/s, which the model includes"
     lag, usual = vehicle.servo_lag, MATERIAL[LAG].default
     chosen = vehicle.material.get(LAG, usual) != usual  # set by hand in [material]
-    if chosen or lag is None or lag.sd is None or HALF_90 * lag.sd > 0.25 * spread.lag:
+    if chosen or lag is None or lag.sd is None or NORMAL_90 * lag.sd > 0.25 * spread.lag:
         return Known(settled, spread)
     settled[LAG] = f"the bench measured {LAG} {lag} s, which bounds the servo lag of the model"
     bound = max(LOADED * lag.value + 2.0 * lag.sd, LEAST_LAG)

@@ -276,6 +276,12 @@ def steered(recording: Recording, trim_us: float, rad_per_us: float) -> Recordin
     return replace(recording, channels={**recording.channels, "delta": delta})
 
 
+def stretches(mask: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """(first, last) indices of each stretch of True in a mask (n,)."""
+    edges = np.flatnonzero(np.diff(np.concatenate(([0], mask.astype(np.int8), [0]))))
+    return [(int(a), int(b) - 1) for a, b in edges.reshape(-1, 2)]
+
+
 # Unique names of runs whose files have equal names, as in two sessions.
 
 

@@ -189,6 +189,7 @@ def _interval(item: Any) -> str:
 
 
 LEVEL = 0.90  # coverage
+NORMAL_90 = 1.645  # standard deviations to each side of a 90 % interval
 
 
 @dataclass(frozen=True)

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rover_sweep.data.recording import Array, ThrottleRun
-from rover_sweep.data.results import ByName, Quantity
-from rover_sweep.identification.speed_fit import NORMAL_90, PERIOD, SpeedFit, SpeedNoise, fit_speed, grid_of
+from rover_sweep.data.recording import Array, ThrottleRun, stretches
+from rover_sweep.data.results import NORMAL_90, ByName, Quantity
+from rover_sweep.identification.speed_fit import PERIOD, SpeedFit, SpeedNoise, fit_speed, grid_of
 
 # Drag with the throttle at neutral, from the coasting after a sweep, and the dead zone that follows from
 # it.
@@ -39,10 +39,10 @@ class Coasting:
 
 def coasting(runs: Sequence[ThrottleRun], found: SpeedFit) -> Coasting | None:
     """The longest coasting of the runs; None without 0.4 s of it above 0.3 m/s."""
-    stretches = [s for run in runs if (s := _stretch(run, found.model.delay)) is not None]
-    if not stretches:
+    coasted = [s for run in runs if (s := _stretch(run, found.model.delay)) is not None]
+    if not coasted:
         return None
-    t, v = max(stretches, key=lambda s: s[0].size)
+    t, v = max(coasted, key=lambda s: s[0].size)
     middle = float(0.5 * (v.max() + v.min()))
     rate, error = _rate_at(t, v, middle, found.model.lag, found.noise)
     ends = rate - NORMAL_90 * error, rate + NORMAL_90 * error
@@ -152,10 +152,8 @@ def throttle_coherence(runs: Sequence[ThrottleRun]) -> ThrottleCoherence:
 
 def _band(w: Array, coherence: Array) -> tuple[float, float] | None:
     """The longest stretch in log frequency above `GOOD`."""
-    ok = np.concatenate(([False], coherence >= GOOD, [False]))
-    edges = np.flatnonzero(np.diff(ok.astype(int))).reshape(-1, 2)
-    stretches = [(float(w[a]), float(w[b - 1])) for a, b in edges if b - a > 1]
-    return max(stretches, key=lambda s: s[1] / s[0]) if stretches else None
+    bands = [(float(w[a]), float(w[b])) for a, b in stretches(coherence >= GOOD) if b > a]
+    return max(bands, key=lambda band: band[1] / band[0], default=None)
 
 
 LEAST_SPAN = 0.05  # share of full throttle that must be swept, peak to peak

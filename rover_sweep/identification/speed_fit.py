@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rover_sweep.data.recording import Array, ThrottleRun
+from rover_sweep.data.results import NORMAL_90
 
 # The law of the speed: a first-order lag behind a dead time and an offset of the throttle.
 #
@@ -111,7 +112,6 @@ def noise_of(residuals: list[Array], period: float, parameters: int) -> SpeedNoi
 
 PERIOD = 0.04  # s, grid of the fit: some 20 points per period of the fastest sweep
 MOST_DELAY = 1.0  # s
-NORMAL_90 = 1.645
 NAMES = ("gain", "lag", "delay", "offset")
 
 

@@ -22,8 +22,8 @@ from rover_sweep.logs.log import (
     output_channels,
 )
 from rover_sweep.logs.wave import HOLE, MOVING_SPEED, active_threshold, hole_notes
-from rover_sweep.quality.faults import ALL, NO_EXCITATION, with_faults
-from rover_sweep.quality.relations import relations, stretched_by_applet, stretched_by_arrival
+from rover_sweep.quality.faults import NO_EXCITATION, with_faults
+from rover_sweep.quality.relations import ALL_CHANNELS, relations, stretched_by_applet, stretched_by_arrival
 from rover_sweep.quality.rovers import at_both_stops
 
 BOAT, BALANCE_BOT = 2, 3  # FRAME_CLASS (ArduRover 4.6 parameters)
@@ -157,7 +157,7 @@ def _unexcited(run: Recording) -> Iterator[Note]:
             f"no excitation: the steering stays within {least:g} {steering.unit} of "
             f"{np.median(steering.x):.4g} {steering.unit}, so the run shows no response; drive a sweep",
             NO_EXCITATION,
-            ALL,
+            ALL_CHANNELS,
         )
 
 

@@ -8,8 +8,8 @@ from typing import Literal
 
 import numpy as np
 
-from rover_sweep.data.recording import ASSUMED, Array, Note, Recording, Signal
-from rover_sweep.quality.relations import STRETCHED, kinematics, relations, stretched_by_angles
+from rover_sweep.data.recording import ASSUMED, Array, Note, Recording, Signal, stretches
+from rover_sweep.quality.relations import ALL_CHANNELS, STRETCHED, kinematics, relations, stretched_by_angles
 from rover_sweep.quality.rovers import TWO_ROVERS
 from rover_sweep.spectra.response import LOWEST_BIN
 
@@ -65,18 +65,12 @@ def _clipped(signal: Signal, side: int, steering: Signal) -> float:
     top, at = levels[-1], x == levels[-1]
     near = levels[(levels < top) & (levels > top - NEAR * (top - levels[0]))]
     usual = np.sum((x < top) & (x > top - NEAR * (top - levels[0]))) / max(near.size, 1)
-    stays = _stays(at)
+    stays = [stay for stay in stretches(at) if stay[1] > stay[0]]  # of two samples or more
     if len(stays) < MIN_STAYS or at.sum() < PILED_UP * max(usual, 1.0):
         return 0.0
     if not _steep(x, stays, float(np.min(np.diff(levels)))) or not _moved(signal.t, stays, steering):
         return 0.0
     return float(np.mean(at))
-
-
-def _stays(at: Array) -> list[tuple[int, int]]:
-    """(first, last) indices of each stay of two samples or more."""
-    edges = np.flatnonzero(np.diff(np.concatenate(([0], at.astype(np.int8), [0]))))
-    return [(int(a), int(b) - 1) for a, b in edges.reshape(-1, 2) if b - a > 1]
 
 
 def _steep(x: Array, stays: list[tuple[int, int]], resolution: float) -> bool:
@@ -128,7 +122,6 @@ def _cut(runs: Sequence[Recording]) -> Iterator[str]:
 
 
 TOO_SHORT = "too short"
-ALL = ("r", "p", "ay", "vy", "speed", "delta", "pwm")
 SLOW = 2.0  # rad/s: a fit needs the nearly steady response, below the yaw mode of any small rover
 PERIODS = 5.0  # Tischler & Remple 2012, chapter 5: 4..5; random error of |H| .096 at a coherence of .9
 WINDOWS = 2.0  # windows that resolve that frequency, in a run
@@ -158,7 +151,7 @@ def too_short(runs: Sequence[Recording], lowest: float = SLOW) -> Note | None:
         f"{2 * np.pi / period:.2g} rad/s) for a random error of 10 %; drive one complete sweep of "
         f"{needed(lowest):.0f} s or more"
     )
-    return Note("warning", text, TOO_SHORT, ALL)
+    return Note("warning", text, TOO_SHORT, ALL_CHANNELS)
 
 
 def short_trials(runs: Sequence[Recording]) -> bool:

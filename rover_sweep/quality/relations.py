@@ -220,7 +220,7 @@ def gain_ratio(one: Bands, two: Bands) -> AnswerDifference | None:
 
 
 STRETCHED = "stretched clock"
-ALL = ("r", "p", "ay", "vy", "speed", "delta", "pwm")
+ALL_CHANNELS = ("r", "p", "ay", "vy", "speed", "delta", "pwm")
 SLOPE = 0.05  # from 1: correct recordings have .98 to 1.00 between heading and yaw rate
 APPLET_OFF = 0.005  # from 1: correct recordings have 6e-5, as both clocks count the same oscillator
 ARRIVAL_OFF = 0.04  # from 1: the delay of a link may grow by a second in a run
@@ -303,7 +303,7 @@ def stretched(factor: float, by: str) -> Note:
         f"the clock of this recording is stretched by {factor:.3g}: {by}; frequencies, stiffness and "
         "inertia would be wrong, so record again or correct the times"
     )
-    return Note("warning", text, STRETCHED, ALL)
+    return Note("warning", text, STRETCHED, ALL_CHANNELS)
 
 
 # Detects a channel with the wrong sign or unit, from its kinematic relations to the others.

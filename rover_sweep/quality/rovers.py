@@ -9,8 +9,9 @@ from math import log
 
 import numpy as np
 
-from rover_sweep.data.recording import Note, Recording, Signal
+from rover_sweep.data.recording import Note, Recording, Signal, stretches
 from rover_sweep.quality.relations import (
+    ALL_CHANNELS,
     AnswerDifference,
     Fingerprint,
     difference_of,
@@ -19,7 +20,6 @@ from rover_sweep.quality.relations import (
 )
 
 TWO_ROVERS = "two rovers"
-ALL_CHANNELS = ("r", "p", "ay", "vy", "speed", "delta", "pwm")
 WIDE = ("sweep", "multisine")  # kinds that excite all bands
 SAME_SPEED, NEAR_SPEED = 0.06, 0.2  # relative
 SAME_AMPLITUDE = 0.3  # relative; above it, nonlinear effects make responses differ
@@ -138,7 +138,7 @@ def at_both_stops(run: Recording) -> Iterator[Note]:
     if np.unique(x).size < MIN_VALUES or most == 0.0:
         return
     ends = [side * x > (1 - AT_STOP) * most for side in (1, -1)]
-    if all(np.mean(end) > SHARE and _stays(end) >= STAYS for end in ends):
+    if all(np.mean(end) > SHARE and len(stretches(end)) >= STAYS for end in ends):
         share = 100 * float(np.mean(ends[0] | ends[1]))
         text = (
             f"the steering is at {most:.3g} rad to either side in {share:.0f} % of the run, probably its "
@@ -146,11 +146,6 @@ def at_both_stops(run: Recording) -> Iterator[Note]:
             "in the vehicle file if commands may exceed it"
         )
         yield Note("warning", text)
-
-
-def _stays(at: np.ndarray) -> int:
-    """Number of separate stays."""
-    return int(np.sum(np.diff(np.concatenate(([0], at.astype(np.int8)))) == 1))
 
 
 def stopped_at(run: Recording, stop: float) -> Recording:

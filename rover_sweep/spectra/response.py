@@ -22,7 +22,7 @@ from typing import Any
 
 import numpy as np
 
-from rover_sweep.data.recording import Array, Recording, Signal, data_frame, drawing
+from rover_sweep.data.recording import Array, Recording, Signal, data_frame, drawing, stretches
 from rover_sweep.data.results import PlainNumbers, ShortTable, Shown, band_words
 from rover_sweep.spectra.windowed import Complex, WindowSpectra, window_spectra
 
@@ -288,9 +288,8 @@ def usable_band(w: Array, coherence: Array, good: float = COHERENCE_GOOD) -> Ban
     drops of up to 20 % of a decade in which the coherence stays above half of `good`.
     """
     x, ok = np.log10(w), coherence >= good
-    runs = _stretches(ok)
     merged: list[tuple[int, int]] = []
-    for lo, hi in runs:
+    for lo, hi in stretches(ok):
         if merged and _bridgeable(x, coherence, merged[-1], (lo, hi), good):
             merged[-1] = (merged[-1][0], hi)
         else:
@@ -299,12 +298,6 @@ def usable_band(w: Array, coherence: Array, good: float = COHERENCE_GOOD) -> Ban
         return None
     lo, hi = max(merged, key=lambda s: x[s[1]] - x[s[0]])
     return (float(w[lo]), float(w[hi])) if x[hi] - x[lo] >= 0.3 else None
-
-
-def _stretches(ok: np.ndarray) -> list[tuple[int, int]]:
-    """(first, last) indices of each stretch of True."""
-    edges = np.flatnonzero(np.diff(np.concatenate(([0], ok.astype(int), [0]))))
-    return [(int(a), int(b) - 1) for a, b in zip(edges[::2], edges[1::2], strict=True)]
 
 
 def _bridgeable(
