@@ -97,6 +97,10 @@ def _codec() -> Converter:
         lambda items: {item.name: _without_name(item) for item in items},
     )
     made.register_structure_hook_func(lambda kind: get_origin(kind) is ByName, _by_name)
+    made.register_unstructure_hook_func(lambda kind: get_origin(kind) is np.ndarray, lambda x: x.tolist())
+    made.register_structure_hook_func(
+        lambda kind: get_origin(kind) is np.ndarray, lambda document, _: np.array(document, float)
+    )
     made.register_structure_hook(float, _number)
     made.register_structure_hook(str, _text)
     made.register_structure_hook(tuple[float, ...] | tuple[str, ...], _all_alike)

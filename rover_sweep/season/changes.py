@@ -85,11 +85,6 @@ def explained(days: Days, terms: Sequence[Term], scatter: Array | None = None) -
     return found
 
 
-def with_usual(days: Days, usual: Array) -> Days:
-    """The days with another usual scatter."""
-    return replace(days, usual=usual)
-
-
 def _solved(days: Days, terms: Sequence[Term], s2: Array) -> Explained:
     n, k = days.linear.shape
     v = np.linalg.inv(days.information + np.diag(1.0 / s2))

@@ -13,6 +13,7 @@ from rover_sweep.comparison.common_model import of_the_rover
 from rover_sweep.comparison.differences import Comparable, quantities
 from rover_sweep.data.geometry import Geometry
 from rover_sweep.data.recording import Array
+from rover_sweep.data.results import NORMAL_90
 from rover_sweep.diagnosis.simulation.candidates import Coordinate
 from rover_sweep.season.changes import (
     FEWEST,
@@ -24,7 +25,6 @@ from rover_sweep.season.changes import (
     drift_sentence,
     explained,
     season_sentence,
-    with_usual,
 )
 from rover_sweep.season.season_result import (
     DayValue,
@@ -44,9 +44,6 @@ from rover_sweep.season.season_result import (
 )
 
 # Found changes and daily values in the quantities' own units, with intervals and causes.
-
-
-HALF_90 = 1.645  # half width of a 90 % interval in standard deviations
 
 
 def drifts_with_events(
@@ -82,7 +79,7 @@ def _drift(
     without = last.means[at] - b * c.size
     before, unit, meaning = _value(q, coordinates, without)
     after, _, _ = _value(q, coordinates, without + b * c.size)
-    ends = [c.size + side * HALF_90 * c.sd for side in (-1.0, 1.0)]
+    ends = [c.size + side * NORMAL_90 * c.sd for side in (-1.0, 1.0)]
     if q.relative:
         low, high = (exp(e) for e in ends) if _is_log(q) else (1.0 + e for e in ends)
     else:
@@ -110,12 +107,7 @@ def _drift(
         tuple(tests.quantities[k].name for k in c.look_alikes),
         parameters=within(parameters, first, end),
     )
-    return _worded(drift, days)
-
-
-def _worded(drift: Drift, days: Sequence[str]) -> Drift:
-    place = days.index(drift.day)
-    previous = days[place - 1] if place else drift.day
+    previous = days[max(c.shape.at - 1, 0)]
     return replace(drift, sentence=drift_sentence(drift, previous, days[-1]))
 
 
@@ -153,7 +145,7 @@ def tracked(
         for d, day in enumerate(days):
             fitted, unit, meaning = _value(q, coordinates, last.means[d])
             values = [
-                _value(q, coordinates, last.means[d] + b * (away[d] + side * HALF_90 * sd[d]))[0]
+                _value(q, coordinates, last.means[d] + b * (away[d] + side * NORMAL_90 * sd[d]))[0]
                 for side in (0.0, -1.0, 1.0)
             ]
             rows.append(DayValue(day, values[0], min(values[1:]), max(values[1:]), fitted))
@@ -256,7 +248,7 @@ def _with_usual(vehicles: Sequence[_Vehicle], scatters: Mapping[str, Array]) -> 
         names = [c.name for c in v.coordinates]
         alike = [scatters[w.name] for w in vehicles if [c.name for c in w.coordinates] == names]
         if len(alike) >= ENOUGH:
-            days = with_usual(v.tests.days, np.median(alike, axis=0))
+            days = replace(v.tests.days, usual=np.median(alike, axis=0))
             v = replace(v, tests=replace(v.tests, days=days))
         out.append(v)
     return out

@@ -13,6 +13,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from rover_sweep.comparison.common_model import side_of
+from rover_sweep.data.codec import decoded, encoded
 from rover_sweep.data.geometry import Geometry, Tolerances
 from rover_sweep.data.recording import Array, Recording
 from rover_sweep.diagnosis.simulation.candidates import Model
@@ -208,18 +209,6 @@ def fitted_log(runs: Sequence[Recording], rover: Geometry) -> FittedLog:
 # One log of a season: when, on which board, with which parameters, and its fit or why there is none.
 
 
-TEXTS = (
-    "source",
-    "sha256",
-    "day",
-    "day_from",
-    "board",
-    "system",
-    "firmware",
-    "vehicle",
-    "vehicle_file",
-    "refused",
-)
 FORMAT = 1  # of the saved values; another one is measured again
 
 
@@ -250,54 +239,14 @@ class MeasuredLog:
 
 def as_document(log: MeasuredLog) -> dict[str, Any]:
     """The log in plain JSON types; `from_document` restores every number exactly."""
-    fit = log.fit
-    return {
-        "format": "rover-sweep measured log",
-        "format_version": FORMAT,
-        "source": log.source,
-        "sha256": log.sha256,
-        "day": log.day,
-        "day_from": log.day_from,
-        "board": log.board,
-        "system": log.system,
-        "firmware": log.firmware,
-        "vehicle": log.vehicle,
-        "vehicle_file": log.vehicle_file,
-        "parameters": dict(log.parameters),
-        "refused": log.refused,
-        "fit": None
-        if fit is None
-        else {
-            "names": list(fit.names),
-            "values": fit.values.tolist(),
-            "information": fit.information.tolist(),
-            "linear": fit.linear.tolist(),
-            "variance": fit.variance,
-            "runs": list(fit.runs),
-        },
-    }
+    return {"format": "rover-sweep measured log", "format_version": FORMAT, **encoded(log)}
 
 
 def from_document(document: Mapping[str, Any]) -> MeasuredLog:
-    """The log of `as_document`; KeyError, TypeError or ValueError for anything else."""
+    """The log of `as_document`; KeyError or ValueError for anything else."""
     if document["format_version"] != FORMAT:
         raise ValueError(f"format {document['format_version']} instead of {FORMAT}")
-    fit = document["fit"]
-    texts = {key: str(document[key]) for key in TEXTS}
-    return MeasuredLog(
-        **texts,
-        parameters={str(k): float(v) for k, v in document["parameters"].items()},
-        fit=None
-        if fit is None
-        else FittedLog(
-            tuple(fit["names"]),
-            np.array(fit["values"], float),
-            np.array(fit["information"], float),
-            np.array(fit["linear"], float),
-            float(fit["variance"]),
-            tuple(fit["runs"]),
-        ),
-    )
+    return decoded(document, MeasuredLog)
 
 
 # Which logs are of one vehicle, and its days.
