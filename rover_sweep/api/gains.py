@@ -4,19 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from rover_sweep.data.vehicle_file import load as load_vehicle
 from rover_sweep.errors import UsageError
 from rover_sweep.files.documents import read_json
-from rover_sweep.gains.identified import (
-    PHYSICAL,
-    Identified,
-    from_diagnosis,
-    from_identification,
-    with_steering,
-)
+from rover_sweep.gains.identified import PHYSICAL, Identified, from_diagnosis, from_identification
 from rover_sweep.gains.proposal import Proposal, propose_gains
 from rover_sweep.gains.steering_chain import autopilot
 
@@ -44,7 +39,7 @@ def steering_gains(
         )
     found = read_identified(place, name)
     if vehicle_file:
-        found = with_steering(found, load_vehicle(vehicle_file).steering()[1])
+        found = replace(found, rad_per_us=load_vehicle(vehicle_file).steering()[1])
     known = (("INS_GYRO_FILTER", found.gyro_hz), ("SCHED_LOOP_RATE", found.loop_hz))
     try:
         loop = autopilot(current, {name: value for name, value in known if value is not None})

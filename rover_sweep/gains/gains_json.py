@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
 
@@ -47,8 +48,7 @@ def gains_document(proposal: Proposal) -> dict[str, Any]:
             {"speed_m_s": v, "ATC_STR_RAT_FF": ff} for v, ff in (proposal.feed_forwards or {}).items()
         ],
     }
-    found: dict[str, Any] = _finite(document)
-    return found
+    return _finite(document)
 
 
 def _judged(judged: AssessedGains | None) -> dict[str, Any] | None:
@@ -84,6 +84,7 @@ _UNITS = {
 
 
 def _finite(value: Any) -> Any:
+    """The value with null for every number that is not finite."""
     match value:
         case dict():
             return {k: _finite(v) for k, v in value.items()}
@@ -102,13 +103,25 @@ def param_text(proposal: Proposal) -> str:
     judged = proposal.proposed
     if judged is None:
         raise ValueError("there are no gains to write")
-    now, reasons = proposal.autopilot.gains.parameters, _reasons(proposal, judged)
-    lines = [
-        f"{name} {value:.6g}  # {reasons[name]}{_was(name, now[name], value, proposal)}"
-        for name, value in judged.gains.parameters.items()
-        if name in reasons
-    ]
-    return "\n".join((*(f"# {line}" for line in _heading(proposal, judged)), "", *lines)) + "\n"
+    loop, reasons = proposal.autopilot, _reasons(proposal, judged)
+    lines = _lines(judged.gains.parameters, loop.gains.parameters, reasons, loop.assumed)
+    return _with_heading(_heading(proposal, judged), lines)
+
+
+def _lines(
+    new: Mapping[str, float], now: Mapping[str, float], reasons: Mapping[str, str], assumed: Sequence[str]
+) -> list[str]:
+    """A line for each parameter with a reason, and what it was. assumed: those at the firmware's default."""
+    out = []
+    for name, why in ((name, reasons[name]) for name in new if name in reasons):
+        same = f"{now[name]:.6g}" == f"{new[name]:.6g}"
+        was = f"default {now[name]:g}" if name in assumed else "unchanged" if same else f"was {now[name]:.6g}"
+        out.append(f"{name} {new[name]:.6g}  # {why} ({was})")
+    return out
+
+
+def _with_heading(heading: Sequence[str], lines: Sequence[str]) -> str:
+    return "\n".join((*(f"# {line}" for line in heading), "", *lines)) + "\n"
 
 
 def _heading(proposal: Proposal, judged: AssessedGains) -> tuple[str, ...]:
@@ -164,12 +177,6 @@ def _integrator(proposal: Proposal, judged: AssessedGains) -> str:
     return ", minus what the integrator supplies" if right and judged.gains.ff < 0.999 * right else ""
 
 
-def _was(name: str, now: float, value: float, proposal: Proposal) -> str:
-    if name in proposal.autopilot.assumed:
-        return f" (default {now:g})"
-    return " (unchanged)" if f"{now:.6g}" == f"{value:.6g}" else f" (was {now:.6g})"
-
-
 def _travel(proposal: Proposal) -> str:
     loop = proposal.autopilot
     right, left = (loop.us_left, loop.us_right) if loop.reversed else (loop.us_right, loop.us_left)
@@ -185,7 +192,7 @@ def _degrees(angle: float) -> str:
 
 def speed_gains_document(proposal: SpeedProposal) -> dict[str, Any]:
     """The proposal; "proposed" is null if level is "none"; infinity is null."""
-    return {
+    document = {
         "level": proposal.level,
         "reasons": list(proposal.reasons),
         "remarks": list(proposal.remarks),
@@ -195,6 +202,7 @@ def speed_gains_document(proposal: SpeedProposal) -> dict[str, Any]:
         "now": _assessed(proposal.now),
         "proposed": _assessed(proposal.proposed),
     }
+    return _finite(document)
 
 
 def limits_document(limits: SteeringLimits) -> dict[str, Any]:
@@ -209,22 +217,15 @@ def limits_document(limits: SteeringLimits) -> dict[str, Any]:
 def _assessed(judged: AssessedSpeed | None) -> dict[str, Any] | None:
     if judged is None:
         return None
-    numbers = {
+    return {
+        "parameters": judged.settings.parameters,
         "gain_margin_db": judged.margins.gain_db,
         "phase_margin_deg": judged.margins.phase_deg,
         "worst_gain_margin_db": judged.worst_gain,
         "worst_phase_margin_deg": judged.worst_phase,
         "crossover_rad_s": judged.margins.crossover,
+        "step": asdict(judged.step),
     }
-    return {
-        "parameters": judged.settings.parameters,
-        **{name: _finite_speed(value) for name, value in numbers.items()},
-        "step": {name: _finite_speed(value) for name, value in asdict(judged.step).items()},
-    }
-
-
-def _finite_speed(value: float) -> float | None:
-    return value if math.isfinite(value) else None
 
 
 # The settings of the speed loop and the steering's limits as lines of a parameter file, a reason on each.
@@ -235,14 +236,10 @@ def speed_text(proposal: SpeedProposal) -> str:
     judged = proposal.proposed
     if judged is None:
         raise ValueError("there are no settings of the speed loop to write")
-    now, reasons = proposal.loop.now.parameters, _speed_reasons(proposal, judged)
-    lines = [
-        f"{name} {value:.6g}  # {reasons[name]}{_speed_was(name, now[name], value, proposal)}"
-        for name, value in judged.settings.parameters.items()
-        if name in reasons
-    ]
+    loop, reasons = proposal.loop, _speed_reasons(proposal, judged)
+    lines = _lines(judged.settings.parameters, loop.now.parameters, reasons, loop.assumed)
     if proposal.throttle_min is not None:
-        was = f"(was {100 * proposal.loop.least:g})"
+        was = f"(was {100 * loop.least:g})"
         why = "dead zone of the motor controller; counts in all modes, MANUAL too"
         lines.append(f"MOT_THR_MIN {proposal.throttle_min:g}  # {why} {was}")
     margins, step = judged.margins, judged.step
@@ -254,7 +251,7 @@ def speed_text(proposal: SpeedProposal) -> str:
         *proposal.reasons,
         *proposal.remarks,
     )
-    return "\n".join((*(f"# {line}" for line in heading), "", *lines)) + "\n"
+    return _with_heading(heading, lines)
 
 
 def limits_text(limits: SteeringLimits, now: dict[str, float]) -> str:
@@ -292,9 +289,3 @@ def _speed_reasons(proposal: SpeedProposal, judged: AssessedSpeed) -> dict[str, 
         "ATC_SPEED_D": "would mainly pass the noise of the speed to the motor",
         "ATC_ACCEL_MAX": "three quarters of what drive and drag can do at these speeds",
     }
-
-
-def _speed_was(name: str, now: float, value: float, proposal: SpeedProposal) -> str:
-    if name in proposal.loop.assumed:
-        return f" (default {now:g})"
-    return " (unchanged)" if f"{now:.6g}" == f"{value:.6g}" else f" (was {now:.6g})"

@@ -5,12 +5,13 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 from typing import Any
 
 from rover_sweep.data.geometry import Geometry
 from rover_sweep.data.plausibility import implausible
 from rover_sweep.data.recording import AT_LOOP, LowPass
+from rover_sweep.data.results import NORMAL_90
 from rover_sweep.diagnosis.linear import hidden_filters, left_out, linear
 from rover_sweep.diagnosis.result import Diagnosis
 from rover_sweep.identification.model_results import UNTIED
@@ -109,7 +110,6 @@ def absurd(rover: Geometry, found: Mapping[str, float]) -> tuple[str, ...]:
 
 
 PHYSICAL = ("roll-yaw", "bicycle", "kinematic")  # models valid at speeds other than that of the runs
-NORMAL_90 = 1.645  # standard deviations to each side of a 90 % interval
 WHOLE = ("none", "explained")  # verdicts of a diagnosis whose model lacks nothing that matters
 GUESSED_DELAY, GUESSED_GAIN = 0.3, 0.15  # relative half-widths, if no interval is known
 
@@ -242,11 +242,6 @@ def from_diagnosis(found: Diagnosis) -> Identified:
         reasons=(f"the diagnosis says {found.verdict.upper()}, so its model lacks a part of the motion",),
         doubts=(*not_predicted(tested), *absurd(model.rover, structure.values)),
     )
-
-
-def with_steering(found: Identified, rad_per_us: float) -> Identified:
-    """The same with rad_per_us of another vehicle file."""
-    return replace(found, rad_per_us=rad_per_us)
 
 
 def _best_parameters(model: Mapping[str, Any]) -> dict[str, Any]:

@@ -12,7 +12,7 @@ import numpy as np
 from rover_sweep.data.geometry import STANDARD_GRAVITY
 from rover_sweep.gains.controller import Step, feedback_response, forward_response, step_of, target_response
 from rover_sweep.gains.identified import Identified
-from rover_sweep.gains.steering_chain import Autopilot, Gains, SampledPlant, sampled_plant
+from rover_sweep.gains.steering_chain import Autopilot, Gains, sampled_plant
 from rover_sweep.gains.tuning import (
     MOST_CHANGE,
     SPEED_RANGE,
@@ -237,11 +237,7 @@ def propose_gains(
         speed_range,
         family.nominal.gain,
         sum(values[d] for d in found.structure.delays if d.startswith("tau")),
-        {
-            p.speed: _steady_feed_forward(family, p)
-            for p in family.plants
-            if p.label.startswith("as identified")
-        },
+        {p.speed: feed_forward(family, p) for p in family.plants if p.label.startswith("as identified")},
     )
 
 
@@ -349,11 +345,6 @@ def _stable(support: Support, family: Family) -> Support:
         return support
     why = f"the rover is unstable at {bad.speed:.3g} m/s ({bad.label}), above its critical speed"
     return replace(support, level="none", reasons=(*support.reasons, why))
-
-
-def _steady_feed_forward(family: Family, plant: SampledPlant) -> float:
-    """FF of a steady turn at the plant's speed."""
-    return 1.0 / (plant.gain * family.angle_per_output[0] * family.autopilot.speed_scale(plant.speed))
 
 
 # ATC_STR_RAT_MAX and ATC_TURN_MAX_G from the steering results: what the stops reach, what the runs

@@ -27,8 +27,18 @@ from numpy.typing import NDArray
 from rover_sweep.data.recording import Array
 from rover_sweep.gains.controller import RatePid, feedback_response
 from rover_sweep.gains.steering_chain import Gains
-from rover_sweep.gains.tuning import GAIN_MARGIN_DB, PHASE_MARGIN_DEG, all_margins, frequencies, margins
-from rover_sweep.gains.tuning import Margins as LoopMargins
+from rover_sweep.gains.tuning import (
+    GAIN_MARGIN_DB,
+    MOST_I,
+    MOST_OVERSHOOT,
+    MOST_P,
+    PHASE_MARGIN_DEG,
+    Margins,
+    all_margins,
+    frequencies,
+    margins,
+    rounded_down,
+)
 
 Throttle = TypeVar("Throttle", float, Array)
 
@@ -309,8 +319,6 @@ def simulate_speed(
 # throttle, and whose predicted step overshoots by at most 5 %.
 
 
-MOST_OVERSHOOT = 5.0  # percent
-MOST_P, MOST_I = 2.0, 2.0  # ranges of the parameters (AR_AttitudeControl.cpp, var_info)
 SLOWEST_INTEGRAL = 4.0  # lags that P / I may last: slower, the speed on a slope takes too long to recover
 SPARED = 1.0  # percent above the least overshoot, where no pair keeps MOST_OVERSHOOT
 MOST_NOISE = 0.05  # throttle rms, share of full, that P may make of the noise of the speed
@@ -386,7 +394,7 @@ def step_ends(found: IdentifiedSpeed) -> tuple[float, float]:
     return mean - half, 2 * half
 
 
-def margins_of(loop: SpeedLoop, plants: list[SpeedPlant], settings: SpeedSettings) -> list[LoopMargins]:
+def margins_of(loop: SpeedLoop, plants: list[SpeedPlant], settings: SpeedSettings) -> list[Margins]:
     """Margins of each plant."""
     w = frequencies(loop.period)
     shared = replace(loop.filters, d=settings.d)
@@ -453,7 +461,7 @@ def design_speed(loop: SpeedLoop, found: IdentifiedSpeed) -> SpeedSettings | Non
     pushed = simulate_speed(loop, plant, settings, level, p, i, np.where(wanted > start, -SLOPE, 0.0))
     sagging = np.sqrt(np.mean((level[:, None] - pushed.speed) ** 2, axis=0))
     best = int(np.argmin(tracking + sagging))
-    return replace(settings, p=_rounded_down(p[best]), i=_rounded_down(i[best]))
+    return replace(settings, p=rounded_down(p[best]), i=rounded_down(i[best]))
 
 
 def _robust(loop: SpeedLoop, found: IdentifiedSpeed, p: Array, i: Array) -> np.ndarray:
@@ -471,8 +479,3 @@ def _robust(loop: SpeedLoop, found: IdentifiedSpeed, p: Array, i: Array) -> np.n
         if found.band is not None and plant == found.plant:
             keeps[left] &= ~(crossover > found.band[1])
     return keeps
-
-
-def _rounded_down(value: float) -> float:
-    """Rounded down to three decimals, so that rounding never reduces a margin."""
-    return float(np.floor(value * 1000) / 1000)

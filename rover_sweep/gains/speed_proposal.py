@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 
 from rover_sweep.gains.speed_chain import (
     BATTERY,
-    MOST_OVERSHOOT,
     IdentifiedSpeed,
     SpeedLoop,
     SpeedSettings,
@@ -18,7 +17,7 @@ from rover_sweep.gains.speed_chain import (
     step_of_speed,
     without_dead_zone,
 )
-from rover_sweep.gains.tuning import Margins
+from rover_sweep.gains.tuning import MOST_OVERSHOOT, Margins
 
 DEAD_ZONE = 0.05  # share of full above which MOT_THR_MIN is worth a remark
 

@@ -151,9 +151,9 @@ class Family:
         return [(p, angle * scale(p.speed)) for p in self.plants for angle in self.angle_per_output]
 
 
-def feed_forward(family: Family) -> float:
-    """FF [1/(rad/s)]: the output for a steady turn rate of 1 rad/s at the design speed."""
-    plant = family.nominal
+def feed_forward(family: Family, plant: SampledPlant | None = None) -> float:
+    """FF [1/(rad/s)]: output for a steady 1 rad/s at a plant's speed, default the design's."""
+    plant = plant or family.nominal
     return 1.0 / (plant.gain * family.angle_per_output[0] * family.autopilot.speed_scale(plant.speed))
 
 
@@ -185,7 +185,7 @@ def design_gains(family: Family, keep: Gains, most: Gains) -> Gains | None:
     found = _best_pair(family, replace(keep, d=0.0), most)
     enough = found is not None and found[0].i >= _I_ENOUGH * min(MOST_I, most.i)
     for share in () if enough else _D_OF_FF:
-        other = _best_pair(family, replace(keep, d=_rounded_down(min(share * right, MOST_D))), most)
+        other = _best_pair(family, replace(keep, d=rounded_down(min(share * right, MOST_D))), most)
         if other is not None and (found is None or other[1] < D_WORTH * found[1]):
             found = other
     if found is None:
@@ -212,7 +212,7 @@ def _best_pair(family: Family, shared: Gains, most: Gains) -> tuple[Gains, float
     p, i, ff = p[damped], i[damped], ff[damped]
     error = disturbance_error(family.autopilot, family.nominal, family.angle_per_output[0], p, i, shared)
     k = int(np.argmin(error))
-    return replace(shared, ff=round(float(ff[k]), 3), p=_rounded_down(p[k]), i=_rounded_down(i[k])), float(
+    return replace(shared, ff=round(float(ff[k]), 3), p=rounded_down(p[k]), i=rounded_down(i[k])), float(
         error[k]
     )
 
@@ -249,7 +249,7 @@ def integrator_limit(family: Family, ff: float, most_rate: float, trim: float = 
     return float(min(max(np.ceil(1.25 * max(needed) / 0.05) * 0.05, 0.1), 1.0))
 
 
-def _rounded_down(value: float) -> float:
+def rounded_down(value: float) -> float:
     """Rounded down to three decimals, so that rounding never reduces a margin."""
     return float(np.floor(value * 1000) / 1000)
 
