@@ -225,9 +225,6 @@ def fast_best(study: Study) -> StudyFinding:
     )
 
 
-FOUND_IN_MODELS: tuple[Callable[[Study], StudyFinding], ...] = (cost_order, nominal, grass, fast, fast_best)
-
-
 # The paper's findings on single parameters: inertia, tyres, delays, roll, structure, bands, speed limits.
 
 
@@ -458,7 +455,12 @@ def speed_limit(study: Study) -> StudyFinding:
 
 
 CRITICAL = (5.6, 7.0)  # m/s, from the published parameters
-FOUND_IN_PARAMETERS: tuple[Callable[[Study], StudyFinding], ...] = (
+FINDINGS: tuple[Callable[[Study], StudyFinding], ...] = (
+    cost_order,
+    nominal,
+    grass,
+    fast,
+    fast_best,
     inertia_finding,
     stiffness,
     delays,

@@ -18,9 +18,8 @@ from rover_sweep.report.document import Badge, Document, Figures, Section, Sente
 from rover_sweep.report.in_html import in_html, made_charts
 from rover_sweep.report.wording import PAPER as PAPER_UNITS
 from rover_sweep.report.wording import strict_json, versions, versions_words
-from rover_sweep.study import findings, published
-from rover_sweep.study import findings as parameter_findings
-from rover_sweep.study.findings import StudyFinding
+from rover_sweep.study import published
+from rover_sweep.study.findings import FINDINGS, StudyFinding
 from rover_sweep.study.published import MODELS, PAPER
 from rover_sweep.study.virtual_study import (
     CHECKS,
@@ -38,7 +37,7 @@ from rover_sweep.study.virtual_study import (
 
 def all_findings(study: Study) -> tuple[StudyFinding, ...]:
     """Every published finding, tested."""
-    return tuple(make(study) for make in (*findings.FOUND_IN_MODELS, *parameter_findings.FOUND_IN_PARAMETERS))
+    return tuple(make(study) for make in FINDINGS)
 
 
 def outcome_counts(found: tuple[StudyFinding, ...]) -> str:

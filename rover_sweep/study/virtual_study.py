@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from rover_sweep.data.geometry import Geometry
-from rover_sweep.data.recording import LowPass, Recording
+from rover_sweep.data.recording import Recording
 from rover_sweep.data.results import number
 from rover_sweep.identification.acceptance import TITLES
 from rover_sweep.identification.fit import Condition, FitResult, ResponseData, fit
@@ -152,7 +152,7 @@ class Study:
 
 def study(seed: int = 1, progress: Progress | None = None) -> Study:
     """Drives and identifies; the same seed gives the same numbers. progress: share done 0..1, and what."""
-    report = progress or _silent
+    report: Progress = progress or (lambda share, what: None)
     runs = drive_all(seed, lambda share, what: report(0.35 * share, what))
     known_geometry = geometry(runs.asphalt)
     practices: dict[str, Practice] = {}
@@ -188,23 +188,14 @@ def swept_bands() -> dict[str, Band]:
     return {o: (max(low, SWEEP["w_min"]), high) for o, (low, high) in BANDS.items()}
 
 
-def _silent(share: float, what: str) -> None:
-    """Ignores progress."""
-
-
 def _identified(runs: StudyRuns, known: Geometry, filtered: bool, fitted: Sequence[str]) -> Identification:
     settings = Settings(
         fitted=tuple(fitted), band=(SWEEP["w_min"], SWEEP["w_max"]), bands=swept_bands(), as_paper=True
     )
     sweeps, checks = runs.sweeps, tuple(runs.checks.values())
     if not filtered:
-        sweeps, checks = (tuple(_filtered(run, {}) for run in part) for part in (sweeps, checks))
+        sweeps, checks = (tuple(replace(run, filters={}) for run in part) for part in (sweeps, checks))
     return identify(sweeps, known, checks, settings)
-
-
-def _filtered(run: Recording, filters: Mapping[str, LowPass]) -> Recording:
-    """The run with only these low-passes known."""
-    return replace(run, filters=filters)
 
 
 def _truth(runs: StudyRuns, known: Geometry) -> ModelStructure:
