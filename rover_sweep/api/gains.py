@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from rover_sweep.api.save import holds
 from rover_sweep.data.vehicle_file import load as load_vehicle
 from rover_sweep.errors import UsageError
 from rover_sweep.files.documents import read_json
@@ -58,9 +59,9 @@ def read_identified(place: Path, name: str | None) -> Identified:
     try:
         if document.get("format") == "rover-sweep identification":
             return from_identification(document, name)
-        if document.get("format") == "rover-sweep diagnosis" or _saved(document, "FullDiagnosis"):
+        if document.get("format") == "rover-sweep diagnosis" or holds(document, "FullDiagnosis"):
             return _diagnosed(path, name)
-        if _saved(document, "Result"):
+        if holds(document, "Result"):
             return from_identification(_result_document(path), name)
     except (KeyError, TypeError, ValueError, IndexError) as error:
         why = {KeyError: f"{error} is missing", ValueError: str(error)}.get(
@@ -105,11 +106,6 @@ def _json(path: Path) -> dict[str, Any]:
     if not isinstance(document, dict):
         raise UsageError(f"{path} is neither an identification nor a diagnosis of rover-sweep")
     return document
-
-
-def _saved(document: dict[str, Any], kind: str) -> bool:
-    saved = document.get("result")
-    return isinstance(saved, dict) and saved.get("is") == kind
 
 
 def _result_document(path: Path) -> dict[str, Any]:

@@ -35,6 +35,12 @@ BUILDERS = "rover_sweep.identification.models"  # of the functions that build th
 IS = "is"  # key of the type of an object
 
 
+def holds(document: Any, kind: str) -> bool:
+    """Whether the JSON is a saved result of this class, such as "FullDiagnosis"."""
+    saved = document.get("result") if isinstance(document, dict) else None
+    return isinstance(saved, dict) and saved.get(IS) == kind
+
+
 def dumps(value: Any) -> str:
     """The value as text; TypeError for a type that cannot be saved."""
     arrays: dict[str, list[Any]] = {}

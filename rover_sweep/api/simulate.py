@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from rover_sweep.api.save import holds
 from rover_sweep.data.recording import Array, Recording, data_frame, steered
 from rover_sweep.data.results import ShortTable, Shown, plain_number
 from rover_sweep.diagnosis.result import Diagnosis
@@ -204,8 +205,5 @@ def _is_diagnosis(path: Path) -> bool:
         document = read_json(path.read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return False
-    if not isinstance(document, dict):
-        return False
-    saved = document.get("result")
-    kept = isinstance(saved, dict) and str(saved.get("is", "")).endswith(":FullDiagnosis")
-    return kept or document.get("format") == "rover-sweep diagnosis"
+    report = isinstance(document, dict) and document.get("format") == "rover-sweep diagnosis"
+    return report or holds(document, "FullDiagnosis")

@@ -14,6 +14,7 @@ import pytest
 
 import rover_sweep as rs
 from rover_sweep.api.read import Runs
+from rover_sweep.api.simulate import diagnosis_file
 from rover_sweep.report.diagnosis.diagnosis_json import diagnosis_document
 from rover_sweep.report.identification.identification_json import identification_document
 
@@ -98,7 +99,9 @@ def test_parameters_have_the_names_of_the_json(result: rs.Result, found: rs.Full
 
 
 def test_a_saved_diagnosis_keeps_its_names(found: rs.FullDiagnosis, tmp_path: Path) -> None:
-    again = rs.load_diagnosis(found.save(tmp_path / "found.json"))
+    saved = found.save(tmp_path / "found.json")
+    assert diagnosis_file(saved) == saved, "export and simulate take it too"
+    again = rs.load_diagnosis(saved)
     assert again.findings[0].parameters["b"] == found.findings[0].parameters["b"]
     assert again.parameters == found.parameters
     assert again.plot("run4").shape == found.plot("run4").shape

@@ -137,7 +137,7 @@ def test_a_fit_without_the_channel_is_not_doubted(log: Path) -> None:
 
 def test_a_diagnosis_leaves_it_out_and_says_so(log: Path) -> None:
     tried = ("transport_delay", "roll_dof")  # without p the baseline is the bicycle, and this rover rolls
-    found = rs.diagnose(rs.read(log, vehicle=VEHICLE), only=tried, time_limit=20)
+    found = rs.diagnose(rs.read(log, vehicle=VEHICLE), only=tried)
     assert any(remark.startswith("left out: run1: p is reversed") for remark in found.remarks)
     assert found.verdict == "none", found.sentence
 
