@@ -19,7 +19,15 @@ from rover_sweep.bench.bench_folder import (
     BenchFolder,
     BenchResult,
 )
-from rover_sweep.bench.by_wheel import Command, Wheel, arrivals, by_wheel, read_wheel, wheel_of_telemetry
+from rover_sweep.bench.by_wheel import (
+    USUAL,
+    Command,
+    Wheel,
+    arrivals,
+    by_wheel,
+    read_wheel,
+    wheel_of_telemetry,
+)
 from rover_sweep.bench.static_curve import curve, static_numbers, wheel_behind_gap
 from rover_sweep.bench.steering_output import SteeringOutput
 from rover_sweep.data.recording import Array
@@ -35,7 +43,6 @@ LEAST_READINGS = 5
 LEVELS_FOR_CURVE = 3  # levels on each side that a deadband and a curvature need
 # Standard deviations (priors) wider than any steering has. Without them a few noisy angles at small steps
 # would bend the curve more than any linkage does.
-USUAL = {"e": 0.15, "c3": 6.0, "w": 0.02}
 HAND = 0.009  # rad, first guess of the noise of one angle, for the weight of the priors
 NOT_BY_HAND = "servo_lag, servo_delay and servo_rate_limit cannot be read by hand: they need --wheel-imu"
 

@@ -9,7 +9,6 @@ import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from inspect import Parameter, signature
-from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -378,9 +377,10 @@ def session_folder(given: str | None, name: str, also: tuple[str, ...] = ()) -> 
     also: glob patterns of further files that must not exist. UsageError if the given folder contains a
     session, or is not writable.
     """
+    from rover_sweep.files.replaced import numbered
+
     if given is None:
-        numbered = (Path(name if n == 1 else f"{name}-{n}") for n in count(1))
-        folder = next(p for p in numbered if not p.exists())
+        folder = next(p for p in numbered(Path(name)) if not p.exists())
     else:
         folder = Path(given)
         if held := _held(folder, (*_SESSION, *also)):

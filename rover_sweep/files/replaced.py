@@ -6,7 +6,8 @@ import os
 import tempfile
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from itertools import count
 from pathlib import Path
 
 from rover_sweep.errors import UsageError
@@ -62,3 +63,9 @@ def end_with_parent(
     thread = threading.Thread(target=watch, name="parent watch", daemon=True)
     thread.start()
     return thread
+
+
+def numbered(path: Path) -> Iterator[Path]:
+    """The path, then with -2, -3, ... before its suffix."""
+    yield path
+    yield from (path.with_name(f"{path.stem}-{n}{path.suffix}") for n in count(2))

@@ -47,12 +47,12 @@ from rover_sweep.session.session import (
     await_estimator,
     disarm_left_armed,
     fetch_new_logs,
-    let_go_late,
     listed,
     note_runs,
     recorded_run,
     refuse_impossible,
     start_streams,
+    stop_and_disarm,
 )
 from rover_sweep.vehicle.events import Connected, LogSaved, Notice, Rebooting
 from rover_sweep.vehicle.identity import identify_vehicle, untested
@@ -456,7 +456,7 @@ class VehicleSource:
         try:
             self._tell_forgotten()
             if self._link is not None and self._link.armed:
-                for update in let_go_late(self._link, disarm=False):
+                for update in stop_and_disarm(self._link, disarm=False):
                     self._tell(update)
         finally:
             self._stopped()

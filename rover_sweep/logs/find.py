@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from rover_sweep.data.recording import Kind, Note, Recording, Signal
+from rover_sweep.data.recording import Kind, Note, Recording, Signal, stretches
 from rover_sweep.errors import DataRefused
 from rover_sweep.logs.applet import (
     OVERRIDE_STATES,
@@ -287,6 +287,5 @@ def _intervals(grid: Array, holds: Bool) -> tuple[Interval, ...]:
     parts = np.split(np.arange(grid.size), np.flatnonzero(np.diff(grid) > HOLE) + 1)
     found = []
     for k in parts:
-        edges = np.flatnonzero(np.diff(np.concatenate(([False], holds[k], [False])).astype(int)))
-        found += [(float(grid[k[a]]), float(grid[k[b - 1]])) for a, b in edges.reshape(-1, 2)]
+        found += [(float(grid[k[a]]), float(grid[k[b]])) for a, b in stretches(holds[k])]
     return tuple((a, b) for a, b in found if b - a >= SHORTEST)

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from rover_sweep.data.recording import Kind, Note, Recording, Signal
+from rover_sweep.data.recording import Kind, Note, Recording, Signal, stretches
 from rover_sweep.errors import DataRefused
 from rover_sweep.logs.applet import WAVE_STATES, applet_runs, ends, is_old, starts
 from rover_sweep.logs.log import Array, Log
@@ -70,8 +70,7 @@ def excitation(steering: Signal, start: float, end: float, rest: float) -> tuple
 
 def _halts(t: Array, moving: NDArray[np.bool_]) -> Array:
     """Times (n,) [s] at which a halt of at least `HALT` begins."""
-    edges = np.flatnonzero(np.diff(np.concatenate(([False], ~moving, [False])).astype(int))).reshape(-1, 2)
-    return np.array([t[a] for a, b in edges if t[min(b, t.size - 1)] - t[a] >= HALT])
+    return np.array([t[a] for a, b in stretches(~moving) if t[min(b + 1, t.size - 1)] - t[a] >= HALT])
 
 
 def active_threshold(steering: Signal) -> float:

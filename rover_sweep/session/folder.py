@@ -80,7 +80,7 @@ def _outcome(
 # A lock, so that only one program at a time uses a session's folder; the end of the program releases it.
 
 
-class Claim:
+class FolderLock:
     """Held until `close`. UsageError if another program holds it; no lock on systems without them."""
 
     def __init__(self, folder: Path) -> None:
@@ -116,7 +116,7 @@ class Session:
     def __init__(self, folder: Path, content: Content) -> None:
         self.folder, self.content = folder, content
         self._lock = threading.RLock()
-        self._claim: Claim | None = None
+        self._folder_lock: FolderLock | None = None
 
     @classmethod
     def open(cls, folder: Path) -> Session:
@@ -127,20 +127,20 @@ class Session:
         """
         with writing(folder):
             folder.mkdir(parents=True, exist_ok=True)
-        claim = Claim(folder)
+        lock = FolderLock(folder)
         try:
             session = cls(folder, read_folder(folder))
-            session._claim = claim
+            session._folder_lock = lock
             session._write()
         except BaseException:
-            claim.close()
+            lock.close()
             raise
         return session
 
     def close(self) -> None:
         """Release the folder for others; may be repeated."""
-        if self._claim is not None:
-            self._claim.close()
+        if self._folder_lock is not None:
+            self._folder_lock.close()
 
     @property
     def vehicle_file(self) -> Path | None:

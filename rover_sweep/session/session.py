@@ -56,7 +56,7 @@ def armed_by_last_run(content: Content, now: float) -> bool:
     return last.span is None or 0 <= now - last.span[1] < _SAME_DRIVE
 
 
-def let_go_late(link: Link, disarm: bool) -> Iterator[Event]:
+def stop_and_disarm(link: Link, disarm: bool) -> Iterator[Event]:
     """Stop the applet and, if `disarm`, disarm the rover; never starts anything."""
     if link.command(AUX, float(SCRIPTING_1), 0.0) != 0:
         yield Notice("warning", "this program could not stop the applet: throw the switch low")
@@ -75,7 +75,7 @@ def disarm_left_armed(link: Link, content: Content) -> Iterator[Event]:
     if link.armed and not link.clock.known:
         link.request_message("SYSTEM_TIME")  # its clock shows how old the last run is
     if link.armed and armed_by_last_run(content, link.clock.now):
-        let_go = list(let_go_late(link, disarm=True))
+        let_go = list(stop_and_disarm(link, disarm=True))
         if read_present(link, [LAPSE]).get(LAPSE) == SHORT[LAPSE]:
             words = f"{LAPSE} is {SHORT[LAPSE]:g} s, perhaps from the interrupted run; the default is 3 s"
             yield Notice("warning", words)

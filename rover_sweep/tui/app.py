@@ -139,7 +139,7 @@ class SweepApp(SessionApp):
         self.exit()
 
     async def on_unmount(self) -> None:
-        await self.desk.close()
+        await self.analyses.close()
 
     def redraw(self) -> None:
         for screen in self.screen_stack if self.is_running else ():

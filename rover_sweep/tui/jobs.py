@@ -10,11 +10,11 @@ import sys
 import time
 from collections.abc import AsyncGenerator, Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import count
 from pathlib import Path
 from typing import Any, Literal
 
 from rover_sweep.files.documents import read_json
+from rover_sweep.files.replaced import numbered
 from rover_sweep.tui.model.plan_rows import Row, rows_of_plan
 from rover_sweep.tui.model.state import State
 
@@ -229,9 +229,7 @@ def arguments_of(kind: str, recordings: Sequence[Path], vehicle: Path, out: Path
 
 def free_path(folder: Path, name: str, taken: Collection[Path] = ()) -> Path:
     """The first path of report, report-2, ... that neither exists nor is taken by a running job."""
-    stem, suffix = Path(name).stem, Path(name).suffix
-    numbered = (folder / (f"{stem}-{n}{suffix}" if n > 1 else name) for n in count(1))
-    return next(path for path in numbered if not path.exists() and path not in taken)
+    return next(path for path in numbered(folder / name) if not path.exists() and path not in taken)
 
 
 NAMES = {"identify": "report", "diagnose": "diagnosis", "gains": "gains.param"}
@@ -244,7 +242,7 @@ def command_inputs(state: State, folder: Path) -> tuple[Path, ...]:
     return tuple(run.tlog for run in state.runs if run.outcome == "done" and run.tlog is not None)
 
 
-class Desk:
+class Analyses:
     """Starts commands; `changed` is called at every change of one.
 
     proposal: rows proposed by `rover-sweep plan`; proposing: its status as text; next_runs: runs proposed by

@@ -21,7 +21,7 @@ from textual.reactive import reactive
 from rover_sweep.live.source import Connect, DriveRequest, Ended, Fix, Preflight, Request, Several, Source
 from rover_sweep.session.session import SessionRun
 from rover_sweep.tui.drawn import DARK, LIGHT, Palette, Question
-from rover_sweep.tui.jobs import AnalysisJob, Desk, command_inputs
+from rover_sweep.tui.jobs import Analyses, AnalysisJob, command_inputs
 from rover_sweep.tui.model.plan_rows import FIRST, SPEED, Row, with_names
 from rover_sweep.tui.model.setup import (
     ConnectionChoice,
@@ -57,7 +57,7 @@ class SessionApp(App[None]):
         self.palette: Palette = DARK if self.memory.dark else LIGHT
         self.places: tuple[ConnectionChoice, ...] = ()
         self.look_for_ports()
-        self.desk = Desk(self.redraw, setup.folder)
+        self.analyses = Analyses(self.redraw, setup.folder)
         self.feed = Feed(lambda: self.post_message(Arrived()))
         self._speed, self._asked_at = math.nan, 0.0
         self.set_reactive(SessionApp.state, State(runs=setup.driven, logs=setup.logs))
@@ -214,7 +214,7 @@ class SessionApp(App[None]):
     def propose(self) -> None:
         """Start the computation of further runs to drive."""
         if self.setup.vehicle_path is not None:
-            self.desk.propose(self.plan, self.setup.vehicle_path)
+            self.analyses.propose(self.plan, self.setup.vehicle_path)
             self.redraw()
 
     def choose_next(self) -> None:
@@ -222,7 +222,7 @@ class SessionApp(App[None]):
         folder, vehicle = self.setup.folder, self.setup.vehicle_path
         if folder is not None and vehicle is not None:
             fastest = max((row.speed for row in self.plan), default=SPEED)
-            self.desk.choose_next(command_inputs(self.state, folder), vehicle, fastest, self._add_next)
+            self.analyses.choose_next(command_inputs(self.state, folder), vehicle, fastest, self._add_next)
             self.redraw()
 
     def _add_next(self, rows: tuple[Row, ...]) -> None:
@@ -233,14 +233,16 @@ class SessionApp(App[None]):
         folder = self.setup.folder
         ready = folder is not None and self.setup.vehicle_path is not None
         if kind == "gains":  # from the rover's present parameters, which its log has
-            return ready and bool(self.state.logs) and self.desk.report() is not None
+            return ready and bool(self.state.logs) and self.analyses.report() is not None
         return ready and folder is not None and bool(command_inputs(self.state, folder))
 
     def analyse(self, kind: str, chosen: AnalysisJob | None = None) -> None:
         """Start the command in the background; gains use the chosen report, if it is one."""
         setup = self.setup
         if setup.folder is not None and setup.vehicle_path is not None:
-            self.desk.start(kind, self.state, setup.folder, setup.vehicle_path, self.desk.report(chosen))
+            self.analyses.start(
+                kind, self.state, setup.folder, setup.vehicle_path, self.analyses.report(chosen)
+            )
 
     def open_page(self, page: Path) -> None:
         """Open a report in the browser."""

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, Literal, Protocol
 
 from rover_sweep.errors import LinkError, UsageError
 from rover_sweep.vehicle.events import LogProgress, LogSaved
-from rover_sweep.vehicle.link.link import TURN, Link, MavsdkRider, crc32, remote_crc32, remote_sizes
+from rover_sweep.vehicle.link.link import TURN, Link, MavsdkOnLink, crc32, remote_crc32, remote_sizes
 from rover_sweep.vehicle.link.mavlink import Message
 from rover_sweep.vehicle.link.recorded_transport import writing
 from rover_sweep.vehicle.parameters import ParameterSet, read_all, write_parameter
@@ -329,8 +329,8 @@ class MavsdkLogs:
     def logs(self) -> tuple[LogEntry, ...]:
         """All logs, oldest first. The dates of MAVSDK become seconds since 1970."""
         refuse_download_if_armed(self.link)
-        with MavsdkRider(self.link) as rider:
-            return tuple(_entry(e) for e in _listed(rider, _plugin(rider)))
+        with MavsdkOnLink(self.link) as mavsdk:
+            return tuple(_entry(e) for e in _listed(mavsdk, _plugin(mavsdk)))
 
     def download(self, entry: LogEntry, path: Path) -> Iterator[LogProgress | LogSaved]:
         """Fetch one log into `path` (first as NAME.part); yields progress, then LogSaved."""
@@ -339,9 +339,9 @@ class MavsdkLogs:
         refuse_download_if_armed(self.link)
         partial = path.with_name(path.name + ".part")
         began, steps = self.link.line.monotonic(), deque[tuple[Any, float]]()
-        with MavsdkRider(self.link) as rider:
-            files = _plugin(rider)
-            wanted = next((e for e in _listed(rider, files) if e.id == entry.number), None)
+        with MavsdkOnLink(self.link) as mavsdk:
+            files = _plugin(mavsdk)
+            wanted = next((e for e in _listed(mavsdk, files) if e.id == entry.number), None)
             if wanted is None:
                 raise LinkError(f"the vehicle has no log {entry.number}")
             with writing(path):
@@ -365,18 +365,18 @@ class MavsdkLogs:
                     return
 
 
-def _plugin(rider: MavsdkRider) -> LogFiles:
+def _plugin(mavsdk: MavsdkOnLink) -> LogFiles:
     from mavsdk.plugins.log_files import LogFiles
 
-    return LogFiles(rider.system)
+    return LogFiles(mavsdk.system)
 
 
-def _listed(rider: MavsdkRider, files: LogFiles) -> list[Any]:
+def _listed(mavsdk: MavsdkOnLink, files: LogFiles) -> list[Any]:
     """The same MAVSDK instance must list and download: it only knows the entries that it listed."""
     from mavsdk.plugins.log_files import LogFilesError, LogFilesResult
 
     try:
-        found: list[Any] = rider.call(files.get_entries)
+        found: list[Any] = mavsdk.call(files.get_entries)
     except LogFilesError as error:
         if LogFilesResult.NO_LOGFILES.name in str(error):
             return []

@@ -14,7 +14,7 @@ from firmware_params.param_files import WantedParameter, read, shipped
 from rover_sweep.errors import LinkError, RoverSweepError, UsageError
 from rover_sweep.files.documents import printable
 from rover_sweep.vehicle.link.inbox import LONGEST, BadLink
-from rover_sweep.vehicle.link.link import Link, MavsdkRider
+from rover_sweep.vehicle.link.link import Link, MavsdkOnLink
 from rover_sweep.vehicle.link.mavlink import Message, kind
 
 if TYPE_CHECKING:
@@ -312,8 +312,8 @@ class MavsdkParameters:
 
     def read_all(self, progress: Callable[[int, int], None] | None = None) -> dict[str, float]:
         """Every parameter, by name. MAVSDK reports no progress. LinkError if none came."""
-        with MavsdkRider(self.link) as rider:
-            found = rider.call(_plugin(rider).get_all_params)
+        with MavsdkOnLink(self.link) as mavsdk:
+            found = mavsdk.call(_plugin(mavsdk).get_all_params)
         values = {printable(p.name): float(p.value) for p in (*found.int_params, *found.float_params)}
         if not values:
             raise LinkError("MAVSDK received no parameters: the link loses too much; use --via mavlink")
@@ -323,45 +323,45 @@ class MavsdkParameters:
 
     def write(self, name: str, value: float) -> ParameterSet:
         """Set a parameter if it differs, read it back and compare as float32, as `read_write.write`."""
-        with MavsdkRider(self.link) as rider:
-            plugin = _plugin(rider)
-            old, whole = _read_by_mavsdk(rider, plugin, name)
+        with MavsdkOnLink(self.link) as mavsdk:
+            plugin = _plugin(mavsdk)
+            old, whole = _read_by_mavsdk(mavsdk, plugin, name)
             wanted = float32(value)
             if old == wanted:
                 return ParameterSet(name, old, old)
             set_it: Callable[[str, Any], object] = plugin.set_param_int if whole else plugin.set_param_float
             given = int(wanted) if whole else wanted
             with suppress(LinkError):  # a value that is refused reads back as the old one
-                _tried(rider, name, lambda: set_it(name, given))
-            back, _ = _read_by_mavsdk(rider, plugin, name)
+                _tried(mavsdk, name, lambda: set_it(name, given))
+            back, _ = _read_by_mavsdk(mavsdk, plugin, name)
         if back != wanted:
             raise ParameterKept(name, value, back)
         return ParameterSet(name, old, back)
 
 
-def _plugin(rider: MavsdkRider) -> Param:
+def _plugin(mavsdk: MavsdkOnLink) -> Param:
     from mavsdk.plugins.param import Param
 
-    return Param(rider.system)
+    return Param(mavsdk.system)
 
 
-def _read_by_mavsdk(rider: MavsdkRider, plugin: Param, name: str) -> tuple[float, bool]:
+def _read_by_mavsdk(mavsdk: MavsdkOnLink, plugin: Param, name: str) -> tuple[float, bool]:
     """(value, whether it is an integer). MAVSDK must be asked with the right type."""
     from mavsdk.plugins.param import ParamError
 
     try:
-        return float32(rider.call(lambda: plugin.get_param_float(name))), False
+        return float32(mavsdk.call(lambda: plugin.get_param_float(name))), False
     except ParamError as error:
         if "WRONG_TYPE" not in str(error):
             raise ParameterMissing(f"MAVSDK did not receive the parameter {name} ({error})") from error
-    return float32(_tried(rider, name, lambda: plugin.get_param_int(name))), True
+    return float32(_tried(mavsdk, name, lambda: plugin.get_param_int(name))), True
 
 
-def _tried(rider: MavsdkRider, name: str, call: Callable[[], Any]) -> Any:
+def _tried(mavsdk: MavsdkOnLink, name: str, call: Callable[[], Any]) -> Any:
     from mavsdk.plugins.param import ParamError
 
     try:
-        return rider.call(call)
+        return mavsdk.call(call)
     except ParamError as error:
         raise LinkError(f"MAVSDK could not read or set {name} ({error})") from error
 

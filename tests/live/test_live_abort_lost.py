@@ -74,13 +74,13 @@ def test_an_abort_while_the_found_one_is_greeted_stops_it_and_greets_it_again(
         greeted.set()
         yield from ()
 
-    def let_go_late(link: object, disarm: bool) -> Iterator[Update]:
+    def stop_and_disarm(link: object, disarm: bool) -> Iterator[Update]:
         done.append(("stopped", link))
         yield from ()
 
     monkeypatch.setattr(vehicle_source.Link, "open", opened)
     monkeypatch.setattr(vehicle_source.VehicleWork, "greet", greet)
-    monkeypatch.setattr(vehicle_source, "let_go_late", let_go_late)
+    monkeypatch.setattr(vehicle_source, "stop_and_disarm", stop_and_disarm)
     source._url, source._lost = "tcp:127.0.0.1:1", True
     source.start(lambda told: refused.append(told.failure) if isinstance(told, Ended) else None)
     try:

@@ -360,7 +360,7 @@ def test_without_a_vehicle_file_nothing_is_identified_and_it_says_why() -> None:
     async def then(app: SweepApp, source: ScriptedSource, pilot: Pilot[None]) -> None:
         await press(pilot, "7", "i", "d", "s")
         assert "start again with --vehicle rover.toml" in text_of(app)
-        assert app.desk.jobs == ()
+        assert app.analyses.jobs == ()
 
     after((*DRIVEN, finished()), then, replace(SETUP, vehicle_path=None, vehicle=None))
 

@@ -11,7 +11,7 @@ from scripted_source import ROVER, SWEEP, TLOG, snapshot
 from rover_sweep.live.source import CoherenceBand, DriveRequest, Lost, Preflight, Verdict
 from rover_sweep.session.content import Content, DrivenRun, FetchedLog, SessionRun
 from rover_sweep.tui.drawn import LIGHT
-from rover_sweep.tui.jobs import AnalysisJob, Desk, summary_of
+from rover_sweep.tui.jobs import Analyses, AnalysisJob, summary_of
 from rover_sweep.tui.model.plan_rows import Row, task
 from rover_sweep.tui.model.setup import fetched_logs, records
 from rover_sweep.tui.model.state import AbortAsked, Asked, RunRecord, State, reduced
@@ -29,18 +29,18 @@ def done(kind: str, out: str) -> AnalysisJob:
 
 
 def test_gains_come_from_the_chosen_report_else_from_the_latest_identification() -> None:
-    desk = Desk(lambda: None)
-    assert desk.report() is None
+    analyses = Analyses(lambda: None)
+    assert analyses.report() is None
     first, second, diagnosis = done("identify", "r1"), done("identify", "r2"), done("diagnose", "d")
     gains, failed = done("gains", "gains.param"), replace(done("identify", "r3"), outcome="failed")
-    desk.jobs = (diagnosis,)
-    assert desk.report() == Path("d")
-    desk.jobs = (first, second, diagnosis, gains, failed)
-    assert desk.report() == desk.report(gains) == desk.report(failed) == Path("r2")
-    assert desk.report(diagnosis) == Path("d") and desk.report(first) == Path("r1")
+    analyses.jobs = (diagnosis,)
+    assert analyses.report() == Path("d")
+    analyses.jobs = (first, second, diagnosis, gains, failed)
+    assert analyses.report() == analyses.report(gains) == analyses.report(failed) == Path("r2")
+    assert analyses.report(diagnosis) == Path("d") and analyses.report(first) == Path("r1")
     of_it = replace(gains, source=Path("d"))  # S again after a refusal asks the same diagnosis again
-    desk.jobs = (*desk.jobs, of_it)
-    assert desk.report(of_it) == Path("d")
+    analyses.jobs = (*analyses.jobs, of_it)
+    assert analyses.report(of_it) == Path("d")
 
 
 def test_reports_and_gains_of_before_are_found_again(tmp_path: Path) -> None:
@@ -48,7 +48,7 @@ def test_reports_and_gains_of_before_are_found_again(tmp_path: Path) -> None:
     (tmp_path / "report" / "report.html").touch()
     (tmp_path / "report-2").mkdir()  # cut short: no page
     (tmp_path / "gains.param").write_text("# by the model\nATC_STR_RAT_FF 0.97\n")
-    jobs = Desk(lambda: None, tmp_path).jobs
+    jobs = Analyses(lambda: None, tmp_path).jobs
     assert [(job.kind, job.outcome) for job in jobs] == [("identify", "done"), ("gains", "done")]
     assert jobs[1].lines == ("# by the model", "ATC_STR_RAT_FF 0.97", f"parameters in {jobs[1].out}")
 

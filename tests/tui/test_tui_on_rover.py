@@ -115,9 +115,9 @@ async def whole(person: Person, folder: Path) -> None:
     await person.press("s")
     await person.until("ATC_STR_RAT_FF", "proposed", seconds=90)
     await person.press("3")
-    await person.when(lambda: not person.app.desk.proposing.startswith("this"), "a proposal", seconds=90)
+    await person.when(lambda: not person.app.analyses.proposing.startswith("this"), "a proposal", seconds=90)
     rows = len(person.app.plan)
-    if person.app.desk.proposal:
+    if person.app.analyses.proposal:
         await person.press("t")
         await person.when(lambda: len(person.app.plan) > rows, "the rows proposed")
     await person.press("q")

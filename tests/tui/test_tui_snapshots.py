@@ -54,7 +54,7 @@ async def _seen(name: str) -> list[Seen]:
     found = []
     async with playing(steps, SIZES[0], setup) as (app, _, pilot):
         if name in WORKED_OUT:
-            app.desk.jobs = WORKED_OUT[name]
+            app.analyses.jobs = WORKED_OUT[name]
             app.redraw()
         for size in SIZES:
             await pilot.resize_terminal(*size)

@@ -16,7 +16,7 @@ from rover_sweep.errors import LinkError, UsageError
 from rover_sweep.vehicle.identity import identify_vehicle
 from rover_sweep.vehicle.link.connection import Access
 from rover_sweep.vehicle.link.greeting import Greeting
-from rover_sweep.vehicle.link.inbox import Refusals
+from rover_sweep.vehicle.link.inbox import RefusedHeartbeats
 from rover_sweep.vehicle.link.link import Link
 from rover_sweep.vehicle.link.mavlink import Codec, SigningKey, make, read_key, signs, timestamp
 from rover_sweep.vehicle.parameters import read_parameter, write_parameter
@@ -134,7 +134,7 @@ def test_the_key_is_in_no_file_and_no_error(tmp_path: Path) -> None:
 
 def test_why_a_heartbeat_is_refused() -> None:
     def why(frame: bytes) -> tuple[str, bool]:
-        refusals = Refusals(SigningKey(KEY))
+        refusals = RefusedHeartbeats(SigningKey(KEY))
         refusals.look(frame, 10.0)
         assert (refusals.words("tcp:x") == "") == (refusals.why == "")
         return refusals.why, refusals.final(20.0)

@@ -8,7 +8,7 @@ import sys
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import count, takewhile
+from itertools import takewhile
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -39,9 +39,9 @@ def folder_for(out: str | None) -> Path:
     """As `session_folder` (`out`, else run, run-2, ...), but reuses a session without any run or log, as
     after a wrong port or on a rover without the applet."""
     from rover_sweep.cli.options import session_folder
+    from rover_sweep.files.replaced import numbered
 
-    numbered = (Path("run" if n == 1 else f"run-{n}") for n in count(1))
-    existing = [Path(out)] if out else list(takewhile(Path.exists, numbered))
+    existing = [Path(out)] if out else list(takewhile(Path.exists, numbered(Path("run"))))
     return next((f for f in existing if _nothing_driven(f)), None) or session_folder(out, "run")
 
 

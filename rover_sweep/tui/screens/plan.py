@@ -57,8 +57,10 @@ class PlanScreen(SessionScreen):
             (1, 12, -8, -4, 11, -4, 9, width - 56) if not wide else (2, 16, -10, -8, 18, -8, 16, width - 85)
         )
         rows.add(cells(("", "run", "us", "m/s", "rad/s", "s", "space", "driven"), sizes), style=palette.quiet)
-        desk = session.desk
-        room = max(3, height - 7 - (4 if desk.proposal or desk.proposing or desk.next_step else 0))
+        analyses = session.analyses
+        room = max(
+            3, height - 7 - (4 if analyses.proposal or analyses.proposing or analyses.next_step else 0)
+        )
         for n in window(len(plan), self.chosen, room):
             row, space = plan[n], asked.spaces[n]
             ground = f"{space.length:.0f}x{space.width:.0f} m" if space else "?"
@@ -105,17 +107,17 @@ class PlanScreen(SessionScreen):
 
     def _proposal(self, rows: ScreenRows) -> None:
         palette, session = self.palette, self.session
-        if session.desk.proposing:
-            rows.sentence(f"Proposal of further runs: {session.desk.proposing}", palette.accent, most=2)
-        elif session.desk.proposal:
-            proposal = session.desk.proposal
+        if session.analyses.proposing:
+            rows.sentence(f"Proposal of further runs: {session.analyses.proposing}", palette.accent, most=2)
+        elif session.analyses.proposal:
+            proposal = session.analyses.proposal
             runs = ", ".join(_times(proposal.count(row)) + _short(row) for row in dict.fromkeys(proposal))
             rows.sentence(f"PROPOSED (T adds them): {runs}", f"bold {palette.accent}", most=3)
             for settles in dict.fromkeys(row.settles for row in proposal if row.settles):
                 rows.sentence(settles, palette.accent, most=2)
-        if session.desk.next_step:
-            rows.sentence(f"Next step: {session.desk.next_step}", palette.accent, most=4)
-        for sentence in session.desk.next_runs[:2]:
+        if session.analyses.next_step:
+            rows.sentence(f"Next step: {session.analyses.next_step}", palette.accent, most=4)
+        for sentence in session.analyses.next_runs[:2]:
             rows.sentence(f"The diagnosis proposes: {sentence}", palette.accent, most=2)
 
     def action_choose(self, step: int) -> None:
@@ -149,7 +151,7 @@ class PlanScreen(SessionScreen):
 
     def action_take(self) -> None:
         session = self.session
-        rows, session.desk.proposal = session.desk.proposal, ()
+        rows, session.analyses.proposal = session.analyses.proposal, ()
         session.replan((*session.plan, *(replace(row) for row in rows)), len(session.plan))
 
     def action_choose_next(self) -> None:
@@ -163,12 +165,13 @@ class PlanScreen(SessionScreen):
         if action == "choose":
             return bool(self.session.plan)
         if action == "choose_next":
-            return self.session.can_analyse("diagnose") and not self.session.desk.choosing
+            return self.session.can_analyse("diagnose") and not self.session.analyses.choosing
         if action == "take":
-            return bool(self.session.desk.proposal)
+            return bool(self.session.analyses.proposal)
         if action == "propose":
-            return self.session.setup.vehicle_path is not None and not self.session.desk.proposing.startswith(
-                "this"
+            return (
+                self.session.setup.vehicle_path is not None
+                and not self.session.analyses.proposing.startswith("this")
             )
         return True
 

@@ -52,7 +52,7 @@ class ResultsScreen(SessionScreen):
 
     @property
     def jobs(self) -> tuple[AnalysisJob, ...]:
-        return self.session.desk.jobs
+        return self.session.analyses.jobs
 
     @property
     def job(self) -> AnalysisJob | None:
@@ -87,7 +87,7 @@ class ResultsScreen(SessionScreen):
             return "No complete run yet: nothing to identify."
         if self.session.setup.vehicle_path is None:
             return "No vehicle file: quit and start again with --vehicle rover.toml to identify here."
-        report = self.session.desk.report(self.job)
+        report = self.session.analyses.report(self.job)
         gains = f"S computes gains from {report.name}" if report else ""
         if self.state.logs:
             more = f"; {gains}" if gains else ""
@@ -126,7 +126,7 @@ class ResultsScreen(SessionScreen):
 
     def action_stop(self) -> None:
         if self.job is not None:
-            self.session.desk.stop(self.job)
+            self.session.analyses.stop(self.job)
 
     def action_choose(self, step: int) -> None:
         self.chosen, self.down = (self.index + step) % max(1, len(self.jobs)), 0

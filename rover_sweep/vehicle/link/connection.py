@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any, Self
 
 from rover_sweep.errors import LinkError, UsageError
-from rover_sweep.vehicle.link.inbox import Inbox, LinkQuality, Refusals
+from rover_sweep.vehicle.link.inbox import Inbox, LinkQuality, RefusedHeartbeats
 from rover_sweep.vehicle.link.mavlink import (
     SAFETY_ARMED,
     Codec,
@@ -153,7 +153,7 @@ class Access:
 HEARING = 1.2  # s after the first heartbeat; ArduPilot sends one a second
 
 
-class RollCall:
+class HeardAutopilots:
     """heartbeats: the last one of each autopilot, by system id, in the order in which they were heard.
 
     only: the system id to wait for, None: any.
@@ -232,11 +232,11 @@ class Connection:
         self._transport = transport
         self._recorder = recorder
         self._codec = Codec(key=access.key, wall=line.wall())
-        self._inbox = Inbox(line, self._codec, Refusals(access.key))
+        self._inbox = Inbox(line, self._codec, RefusedHeartbeats(access.key))
         self._assembler = TextAssembler()
         self._periodic: list[Periodic] = [Periodic(1.0, self._send_heartbeat)]
         self._watch = Watch(url)
-        self._roll_call = RollCall(access.system)
+        self._heard_autopilots = HeardAutopilots(access.system)
         self._ended = False
         self.may_be_armed = False
         self.version: tuple[int, ...] = ()
@@ -367,7 +367,7 @@ class Connection:
         """Ignore a message of another sender, but remember which vehicles are there."""
         others = self._inbox.others
         if self.target == (0, 0):
-            self._roll_call.hear(message, self.line.monotonic())
+            self._heard_autopilots.hear(message, self.line.monotonic())
         elif is_autopilot(message) and sender(message)[0] not in {*others, self.target[0]}:
             other = heard_as(message)
             others.add(other.system)

@@ -38,7 +38,7 @@ _WORDS = {
 }
 
 
-class Refusals:
+class RefusedHeartbeats:
     """why: reason for the last refused heartbeat of an autopilot; since: time of the first refusal [s]."""
 
     def __init__(self, key: SigningKey | None) -> None:
@@ -319,14 +319,14 @@ Pieces = list[tuple[bytes, bool]]  # (bytes, is_frame)
 class Inbox:
     """messages: decoded and not read yet. target: (system, component) of our vehicle, (0, 0) until it is
     chosen. others: system ids of other vehicles, whose frames are dropped. meter: measures our vehicle's
-    frames. refusals: why frames of an unchosen vehicle failed the check of the signing key."""
+    frames. refused: why frames of an unchosen vehicle failed the check of the signing key."""
 
-    def __init__(self, line: Line, codec: Codec, refusals: Refusals) -> None:
+    def __init__(self, line: Line, codec: Codec, refused: RefusedHeartbeats) -> None:
         self.messages: deque[Message] = deque()
         self.target = (0, 0)
         self.others: set[int] = set()
         self.meter = LinkMeter()
-        self.refusals = refusals
+        self.refused = refused
         self._line, self._codec, self._framer = line, codec, Framer()
         self._last_ack = b""
 
@@ -351,7 +351,7 @@ class Inbox:
             if message is not None and not (self._repeats_ack(frame, message) and again):
                 self.messages.append(message)
             elif is_frame and self.target == (0, 0):
-                self.refusals.look(frame, self._line.monotonic())
+                self.refused.look(frame, self._line.monotonic())
 
     def time_answer(self, message: Message) -> None:
         """Measure the latency if the message answers a request."""

@@ -177,9 +177,9 @@ class Link(Requests):
 
     def _find_vehicle(self, timeout: float) -> None:
         self._require_signatures()
-        called, deadline = self._roll_call, self.line.monotonic() + timeout
+        called, deadline = self._heard_autopilots, self.line.monotonic() + timeout
         while not called.over(now := self.line.monotonic()) and now < deadline:
-            if not called.heard and self._inbox.refusals.final(now):
+            if not called.heard and self._inbox.refused.final(now):
                 break
             self._watch.forgive()  # a vehicle that boots may take its time; `timeout` is the limit here
             self.receive(0.05)
@@ -206,9 +206,9 @@ class Link(Requests):
             )
 
     def _why_nobody(self, timeout: float) -> str:
-        if refused := self._inbox.refusals.words(self.url):
+        if refused := self._inbox.refused.words(self.url):
             return refused
-        if others := self._roll_call.others():
+        if others := self._heard_autopilots.others():
             return (
                 f"system {self._access.system} was not heard on {self.url} within {timeout:.0f} s, but "
                 f"{others}; give the id of your rover with --system"
@@ -257,7 +257,7 @@ _FOUND = 10.0  # s within which MAVSDK must find the vehicle's heartbeat
 TURN = 0.003  # s: longest delay of a message of MAVSDK
 
 
-class MavsdkRider:
+class MavsdkOnLink:
     """Use as a context manager. system: MAVSDK's view of the vehicle, for its plugins."""
 
     system: System
@@ -268,7 +268,7 @@ class MavsdkRider:
         self._codec, self._framer = Codec(), Framer()
         self._undo = ExitStack()
 
-    def __enter__(self) -> MavsdkRider:
+    def __enter__(self) -> MavsdkOnLink:
         with ExitStack() as undo:
             self._mavsdk = undo.enter_context(_instance())
             self._mavsdk.add_any_connection("raw://")
