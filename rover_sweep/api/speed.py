@@ -182,7 +182,7 @@ class SpeedIdentification(Shown, SpeedResult):
         'speed.html'
         """
 
-        return write_speed_report(self, Path(directory))
+        return write_speed_report(speed_findings(self, Path(directory)), Path(directory))
 
     def table(self) -> ShortTable:
         """The parameters with their intervals, and the reasons for less than good."""
@@ -235,16 +235,16 @@ class SpeedFiles:
     page: Path
 
 
-def write_speed_report(result: SpeedResult, folder: Path) -> SpeedFiles:
+def write_speed_report(findings: SpeedFindings, folder: Path) -> SpeedFiles:
     """Write speed.html, then speed.json, into a folder, which is created if missing.
 
     If the folder has the results of steering sweeps too, the page has the steering's limits from them.
     """
-    html = in_html(speed_report(speed_findings(result, folder)))
+    html = in_html(speed_report(findings))
     remove_file(folder / "speed.json")
     folder.mkdir(parents=True, exist_ok=True)
     page = write_file(folder / "speed.html", html)
-    return SpeedFiles(folder, write_speed(result, folder), page)
+    return SpeedFiles(folder, write_speed(findings.result, folder), page)
 
 
 def speed_findings(result: SpeedResult, folder: Path) -> SpeedFindings:

@@ -22,6 +22,7 @@ from rover_sweep.report.charts.chart import (
     AFTER,
     CHANNEL_WORDS,
     DATA,
+    DEGREES,
     Chart,
     Curve,
     Panel,
@@ -198,7 +199,7 @@ def draw_simulation(
         raise UsageError(f"the model has no channel {unknown[0]!r}; it has {', '.join(signals)}")
     panels = []
     for name in wanted:
-        factor = 180 / np.pi if name in ("r", "p", "phi", "psi") else 1.0
+        factor = 180 / np.pi if name in DEGREES else 1.0
         lines = [Curve("measured", factor * measured[name], DATA, width=1.0)] if name in measured else []
         lines.append(Curve("simulated", factor * signals[name], **AFTER))
         panels.append(Panel(CHANNEL_WORDS.get(name, name), t - t[0], tuple(lines), height=140))

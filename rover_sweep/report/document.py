@@ -16,6 +16,7 @@ Tone = Literal["", "good", "warn", "bad", "muted", "strong"]
 Level = Literal["brief", "full", "page", "terminal"]
 """brief: everywhere. full: on the page, and on a terminal where everything was asked for. page, terminal:
 only there."""
+ON_PAGE: tuple[Level, ...] = ("brief", "full", "page")
 
 
 @dataclass(frozen=True)
@@ -147,7 +148,7 @@ def shown(parts: Sequence[P], levels: Sequence[Level]) -> Iterator[P]:
 
 def charts_of(parts: Sequence[Part]) -> Iterator[ChartPlan]:
     """All charts that a page shows, in its order."""
-    for part in shown(parts, ("brief", "full", "page")):
+    for part in shown(parts, ON_PAGE):
         if isinstance(part, Figures):
             yield from part.charts
         elif isinstance(part, Section):

@@ -17,7 +17,7 @@ from rover_sweep.report.charts.static_svg import (
     shown_chart,
     view_script,
 )
-from rover_sweep.report.document import Document, charts_of, shown
+from rover_sweep.report.document import ON_PAGE, Document, charts_of, shown
 
 Charts = Mapping[str, ShownChart]
 Progress = Callable[[float, str], None]
@@ -53,7 +53,7 @@ def templates() -> Environment:
         finalize=_printable,
     )
     made.filters["kind"] = lambda part: type(part).__name__
-    made.filters["on_page"] = lambda parts: list(shown(parts, ("brief", "full", "page")))
+    made.filters["on_page"] = lambda parts: list(shown(parts, ON_PAGE))
     made.globals["page_script"] = lambda: Markup(page_script())
     made.globals["view_script"] = lambda: Markup(view_script())
     made.globals["page_styles"] = lambda: Markup(page_styles())

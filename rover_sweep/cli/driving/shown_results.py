@@ -189,8 +189,9 @@ def show_speed(sweeps: Sequence[ThrottleRun], out: Path, as_json: bool, alone: b
 
     shown = results(as_json)
     result = identify_speed(sweeps)
-    shown.print(on_terminal(speed_report(speed_findings(result, out))))
-    files = write_speed_report(result, out)
+    findings = speed_findings(result, out)
+    shown.print(on_terminal(speed_report(findings)))
+    files = write_speed_report(findings, out)
     shown.print(f"speed: {files.page}; next: rover-sweep gains {out}", soft_wrap=True)
     if as_json and alone:
         echo_json(files.document.read_text(encoding="utf-8"))
@@ -199,7 +200,7 @@ def show_speed(sweeps: Sequence[ThrottleRun], out: Path, as_json: bool, alone: b
 
 def add_steering(result: SpeedResult | None, out: Path) -> None:
     """Write speed.html again, with the limits that follow from the steering's results in `out`."""
-    from rover_sweep.api.speed import write_speed_report
+    from rover_sweep.api.speed import speed_findings, write_speed_report
 
     if result is not None:
-        write_speed_report(result, out)
+        write_speed_report(speed_findings(result, out), out)

@@ -120,6 +120,7 @@ CHANNEL_WORDS = {
     "psi": "heading, deg",
     "throttle": "throttle output, µs",
 }
+DEGREES = ("delta", "r", "p", "phi", "psi")  # channels that are shown in degrees
 RESPONSE_WORDS = {
     "r": "yaw rate r",
     "ay": "lateral acceleration a_y",

@@ -17,6 +17,7 @@ from rover_sweep.report.charts.chart import (
     BEFORE,
     CHANNEL_WORDS,
     DATA,
+    DEGREES,
     MARK,
     OUTSIDE,
     RESPONSE_WORDS,
@@ -71,7 +72,7 @@ def _signal(o: TimeHistory, changed: bool, part: tuple[float, float] | None = No
 
 def _shown(o: TimeHistory, changed: bool) -> tuple[float, str]:
     """(factor of the shown unit, what the simulation before is called)."""
-    return 180 / np.pi if o.channel in ("r", "p") else 1.0, "before" if changed else "model"
+    return 180 / np.pi if o.channel in DEGREES else 1.0, "before" if changed else "model"
 
 
 def run_and_spectra(channels: Sequence[TimeHistory], changed: bool = True) -> Chart:
@@ -233,9 +234,9 @@ def _labels(profile: Profile) -> list[str]:
 # Fitted laws with their bands, and the straight line of those with a name.
 
 
-def curves_chart(curves: Sequence[LawCurve], columns: int = 2) -> Chart:
+def curves_chart(curves: Sequence[LawCurve]) -> Chart:
     """A panel for each curve."""
-    return Chart(tuple(_curve(curve) for curve in curves), min(len(curves), columns))
+    return Chart(tuple(_curve(curve) for curve in curves), min(len(curves), 2))
 
 
 def _curve(curve: LawCurve) -> Stack:

@@ -23,6 +23,7 @@ from rover_sweep.report.charts.chart import (
     BEFORE,
     CHANNEL_WORDS,
     DATA,
+    DEGREES,
     MARK,
     OUTSIDE,
     QUIET,
@@ -177,7 +178,6 @@ def limits_around(values: list[Array], least: float) -> tuple[float, float]:
 
 
 MARGIN = 4.0  # s shown before and after the manoeuvre
-DEGREES = ("delta", "r", "p", "phi", "psi")
 
 
 def run_chart(run: Recording, units: ShownUnits = SI, channels: Sequence[str] | None = None) -> Chart:

@@ -73,8 +73,8 @@ def comparison_report(found: Comparison, provenance: Provenance) -> Document:
                 "What could still differ unseen", some(could_differ_table(found)), "hidden", level="page"
             ),
             Section("Remarks", items([sentence(r) for r in found.remarks]), "remarks"),
-            Section("Versions", small_print(provenance), level="page"),
         ),
+        foot=small_print(provenance),
     )
 
 
@@ -108,8 +108,8 @@ def twin_report(found: Twin, provenance: Provenance) -> Document:
             Section("Before the correction", _round(first), "before", level="page"),
             Section("After the correction", _round(last), "after", level="page"),
             Section("Remarks", items(left), "remarks"),
-            Section("Versions", small_print(provenance), level="page"),
         ),
+        foot=small_print(provenance),
     )
 
 
