@@ -35,6 +35,21 @@ def test_only_small_changes_of_the_speed_are_unsure():
     assert np.std(large.unsure[inner]) < 0.1 * np.std(large.speed[inner])
 
 
+def test_what_turns_take_from_the_speed_is_sure():
+    """A drive with another lag and drag than any basis function, beside an error of the estimate."""
+    run = sweeps(1)[0]
+    drag = run.measured["r"] * run.steer
+    loss, keep = np.zeros_like(drag), np.exp(-1.0 / (RATE * 0.45))
+    for k in range(1, drag.size):
+        loss[k] = keep * loss[k - 1] - (1.0 - keep) * drag[k]
+    loss *= 1.5 * SPEED_ERROR / np.std(loss)
+    error = SPEED_ERROR * np.sin(0.9 * np.pi * run.t)
+    found = replace(run, speed=run.speed + loss + error).unsure
+    inner = slice(int(STEADIED * RATE), -int(STEADIED * RATE))
+    left = [abs(np.corrcoef(x[inner], found[inner])[0, 1]) for x in (loss, error)]
+    assert left[0] < 0.2 and left[1] > 0.95
+
+
 def test_a_model_takes_a_share_of_the_unsure_changes():
     run = wavy(SPEED_ERROR)
     measured = motion(run, MODEL.structure, {**X, "speed_share": 1.0})

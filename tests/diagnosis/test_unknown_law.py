@@ -41,6 +41,7 @@ def _shortened(run: Experiment) -> Experiment:
         commanded=None,
         speed=run.speed[PART],
         heading=run.heading[PART],
+        measured={c: x[PART] for c, x in run.measured.items()},
         taper=tapered(t.size),
     )
 

@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 from scipy.fft import next_fast_len
 from scipy.ndimage import gaussian_filter1d
+from scipy.signal import lfilter
 
 from rover_sweep.data.recording import Array, LowPass, Recording, Signal
 
@@ -18,6 +19,7 @@ SLOWEST = 0.4  # m/s; a slip angle is not defined at standstill
 CHANNELS = ("r", "ay", "p", "vy")
 SPEED_ERROR = 0.02  # m/s rms, of an EKF with a GPS; receivers specify 0.05 m/s before filtering
 STEADIED = 4.0  # s, standard deviation of the Gaussian that takes the error out of a speed
+DRIVE_LAGS = (0.2, 0.6, 2.0)  # s, in which a drive makes good a loss of speed: small and large rovers
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,13 +76,28 @@ class Experiment:
     def unsure(self) -> Array:
         """Changes (n,) of the speed within `STEADIED` that may be an error of its estimate [m/s].
 
-        Of changes of more than three times the error, the share of their power above that is none.
+        What a turn takes from the speed is no error: it has twice the frequency of the steering, so a model
+        without it would answer at that of the steering, early. Of other changes of more than three times the
+        error, the share of their power above that is none.
         """
         if self.changes is not None:
             return self.changes
-        changes = self.speed - gaussian_filter1d(self.speed, STEADIED * RATE, mode="nearest")
-        power = gaussian_filter1d(changes**2, RATE, mode="nearest")  # within some seconds
-        return np.asarray(changes * np.minimum(1.0, (3.0 * SPEED_ERROR) ** 2 / np.maximum(power, 1e-12)))
+        changes = _quick(self.speed)
+        changes = changes - self._lost_in_turns(changes, _may_be_error(changes) >= 1.0)
+        return np.asarray(changes * _may_be_error(changes))
+
+    def _lost_in_turns(self, changes: Array, small: Array) -> Array:
+        """The part (n,) of the speed's changes that follows r d, the drag of turned wheels [m/s].
+
+        The wheels' side force m_f r V slows the rover by its part along the body, sin d; the drive makes good
+        the loss in a lag that the fit leaves open. small (n,): where the changes are fitted.
+        """
+        if "r" not in self.measured or np.count_nonzero(small) < RATE:
+            return np.zeros_like(changes)
+        drag = self.measured["r"] * self.steer
+        keeps = [np.exp(-1.0 / (RATE * lag)) for lag in DRIVE_LAGS]
+        lost = np.stack([_quick(lfilter([1.0 - k], [1.0, -k], drag)) for k in keeps], axis=1)
+        return np.asarray(lost @ np.linalg.lstsq(lost[small], changes[small], rcond=None)[0])
 
     @cached_property
     def unsure_acceleration(self) -> Array:
@@ -107,6 +124,17 @@ class Experiment:
     def amplitude(self) -> float:
         """Largest steering angle [rad]."""
         return float(np.max(np.abs(self.steer))) if self.steer.size else 0.0
+
+
+def _quick(x: Array) -> Array:
+    """The changes (n,) of x within `STEADIED`."""
+    return np.asarray(x - gaussian_filter1d(x, STEADIED * RATE, mode="nearest"))
+
+
+def _may_be_error(changes: Array) -> Array:
+    """Share (n,) of changes of the speed that is not too large for an error, within some seconds."""
+    power = gaussian_filter1d(changes**2, RATE, mode="nearest")
+    return np.asarray(np.minimum(1.0, (3.0 * SPEED_ERROR) ** 2 / np.maximum(power, 1e-12)))
 
 
 def experiment(run: Recording) -> Experiment:
