@@ -21,7 +21,7 @@ from rover_sweep.identification.fit import (
     is_stable,
     near_starts,
 )
-from rover_sweep.identification.grouping import MODELS, Group, Settings
+from rover_sweep.identification.grouping import MODELS, Group, Settings, grouped
 from rover_sweep.identification.models import bicycle, kinematic, lumped, roll_yaw
 from rover_sweep.identification.state_space import ModelStructure
 from rover_sweep.identification.verdicts import (
@@ -270,6 +270,53 @@ def fitted_result(
     verification = tuple(verify(structure, run) for run in usable)
     verdict = judge_model(best, physical=structure.name != "lumped", verification=verification)
     return ModelResult(best, all_costs, variants, verification, verdict, steps)
+
+
+# The stiffness of the tyres at each amplitude: a tyre bends, so larger slip angles show a smaller one.
+
+
+STIFFNESSES = ("C", "Cf", "Cr")
+OTHER_AMPLITUDE = 1.25  # ratio of amplitudes from which their stiffnesses are compared
+
+
+@dataclass(frozen=True)
+class RunStiffness:
+    """Cornering stiffness from one run alone, the other parameters as fitted to all runs.
+
+    speed [m/s]; amplitude of the steering, in "us", or "rad" where no PWM was recorded; stiffness {"C", or
+    "Cf" and "Cr": value [N/rad] of an axle}.
+    """
+
+    run: str
+    speed: float
+    amplitude: float
+    unit: str
+    stiffness: Mapping[str, float]
+
+
+def stiffness_by_amplitude(model: ModelResult, work: Work) -> tuple[RunStiffness, ...]:
+    """The tyres of each run alone, small amplitudes first; () where all runs have about one amplitude."""
+    structure = model.fit.structure
+    names = [p.name for p in structure.free if p.name in STIFFNESSES]
+    driven = [(run, *_amplitude(run)) for group in work.groups for run in group.runs]
+    sizes = [size for _, size, _ in driven]
+    if not names or len({unit for *_, unit in driven}) > 1 or max(sizes) < OTHER_AMPLITUDE * min(sizes):
+        return ()
+    out = []
+    for run, size, unit in sorted(driven, key=lambda one: one[1]):
+        alone = grouped([run], work.settings)[0]
+        if alone.why_not():
+            continue
+        found = fit(structure.with_free(names), [alone.condition(work.settings.fitted)])
+        stiffness = {name: found[name].value for name in names}
+        out.append(RunStiffness(run.name, alone.speed, size, unit, stiffness))
+    return tuple(out) if len(out) > 1 else ()
+
+
+def _amplitude(run: Recording) -> tuple[float, str]:
+    """(amplitude of the steering, its unit)."""
+    signal = run.manoeuvre("pwm" if "pwm" in run else "delta")
+    return float(np.ptp(signal.x)) / 2, signal.unit
 
 
 # The model that a diagnosis tests if the user names none: the most complete one that the runs determine.

@@ -26,11 +26,13 @@ from rover_sweep.identification.model_results import (
     UNTIED,
     ModelResult,
     NotPossible,
+    RunStiffness,
     Work,
     fitted_result,
     model_result,
     physical_result,
     recommendation,
+    stiffness_by_amplitude,
     tyres_not_identifiable,
     wrong_wheelbase,
 )
@@ -199,7 +201,8 @@ class Identification(PlainNumbers, Shown):
     coherence: a verdict for each run. refused: {model that could not be identified: reason}. `models` always
     has the kinematic model, which shows whether the data hold any effect of the tyres. numbers: of the rover,
     with errors of the vehicle file and normal tolerances allowed for, where they were asked for and a model
-    with tyres fits; those of `models` are of a fit of the responses alone, as CIFER's.
+    with tyres fits; those of `models` are of a fit of the responses alone, as CIFER's. by_amplitude: the
+    tyres of the recommended model, from each run alone.
     """
 
     geometry: Geometry
@@ -211,6 +214,7 @@ class Identification(PlainNumbers, Shown):
     recommended: str | None
     summary: tuple[str, ...]
     numbers: ByName[Quantity] = field(default_factory=ByName)
+    by_amplitude: tuple[RunStiffness, ...] = ()
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -329,7 +333,9 @@ def identify(
         ),
     )
     best, sentences = recommendation(models, no_tyres, faults)
-    return Identification(geometry, wanted, groups, quality, models, refused, best, (*sentences, *remarks))
+    tyres = stiffness_by_amplitude(models[best], work) if best in PHYSICAL else ()
+    said = (*sentences, *remarks)
+    return Identification(geometry, wanted, groups, quality, models, refused, best, said, by_amplitude=tyres)
 
 
 def _runs(groups: Sequence[Group]) -> tuple[Recording, ...]:

@@ -13,7 +13,7 @@ from rich.console import Console
 import rover_sweep as rs
 from rover_sweep.identification.handling import UNITS
 from rover_sweep.report.identification.report import identification_report
-from rover_sweep.report.identification.sentences import handling_sentence
+from rover_sweep.report.identification.sentences import amplitude_sentence, handling_sentence
 from rover_sweep.report.identification.tables import numbers_table
 from rover_sweep.report.on_terminal import on_terminal
 
@@ -58,6 +58,26 @@ def test_the_answer_shows_the_numbers_and_the_fit_beside_them(nominal: rs.Result
     assert document["numbers"]["Cf"]["value"] == nominal.numbers["Cf"].value
     assert len(document["numbers"]["K_us"]["interval_90"]) == 2
     assert "Numbers of the rover" in (tmp_path / "report" / "report.html").read_text()
+
+
+def test_the_tyres_bend_more_at_the_larger_amplitude(nominal: rs.Result, tmp_path: Path) -> None:
+    small, *_, large = nominal.by_amplitude
+    assert (small.amplitude, large.amplitude, small.unit) == (pytest.approx(120), pytest.approx(240), "us")
+    assert large.stiffness["Cf"] < small.stiffness["Cf"] < TRUE["Cf"]
+    bent = replace(large, stiffness={"Cf": 0.9 * small.stiffness["Cf"], "Cr": small.stiffness["Cr"]})
+    told = amplitude_sentence(replace(nominal, by_amplitude=(small, bent))) or ""
+    assert "falls from" in told and "between 120 us and 240 us: the tyres bend" in told
+    swapped = replace(small, stiffness=bent.stiffness), replace(bent, stiffness=small.stiffness)
+    assert "which tyres do not" in (amplitude_sentence(replace(nominal, by_amplitude=swapped)) or "")
+    assert amplitude_sentence(replace(nominal, by_amplitude=(small, small))) is None
+    out = io.StringIO()
+    Console(file=out, width=100).print(on_terminal(identification_report(nominal, nominal.origin)))
+    assert "Cornering stiffness at each amplitude" in out.getvalue()
+
+
+def test_one_amplitude_shows_no_bend() -> None:
+    runs = rs.read(NOMINAL / "run1.BIN", vehicle=DATA / "rover.toml")
+    assert rs.identify(runs, bootstrap=0).by_amplitude == ()
 
 
 def test_without_intervals_there_are_no_numbers() -> None:

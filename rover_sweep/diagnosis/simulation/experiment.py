@@ -83,15 +83,16 @@ class Experiment:
         if self.changes is not None:
             return self.changes
         changes = _quick(self.speed)
-        changes = changes - self._lost_in_turns(changes, _may_be_error(changes) >= 1.0)
-        return np.asarray(changes * _may_be_error(changes))
+        rest = np.asarray(changes - self._lost_in_turns(changes))
+        return np.asarray(rest * _may_be_error(rest))
 
-    def _lost_in_turns(self, changes: Array, small: Array) -> Array:
+    def _lost_in_turns(self, changes: Array) -> Array:
         """The part (n,) of the speed's changes that follows r d, the drag of turned wheels [m/s].
 
         The wheels' side force m_f r V slows the rover by its part along the body, sin d; the drive makes good
-        the loss in a lag that the fit leaves open. small (n,): where the changes are fitted.
+        the loss in a lag that the fit leaves open. Fitted where the changes are small.
         """
+        small = _may_be_error(changes) >= 1.0
         if "r" not in self.measured or np.count_nonzero(small) < RATE:
             return np.zeros_like(changes)
         drag = self.measured["r"] * self.steer

@@ -47,6 +47,7 @@ from rover_sweep.report.document import (
 from rover_sweep.report.export.exported_model import exported_model
 from rover_sweep.report.identification.identification_json import AXES, identification_document
 from rover_sweep.report.identification.sentences import (
+    amplitude_sentence,
     diagnosis_remark,
     filters_known,
     filters_remark,
@@ -56,6 +57,7 @@ from rover_sweep.report.identification.sentences import (
     to_do,
 )
 from rover_sweep.report.identification.tables import (
+    amplitude_table,
     coherence_table,
     cost_table,
     filters_table,
@@ -132,7 +134,7 @@ def identification_report(
         f"Identified from {runs} at {speeds} m/s, {made_words(provenance)}",
         _answer(result, provenance),
         (
-            Section("", some(main_table(result), more)),
+            Section("", some(main_table(result), amplitude_table(result), more)),
             _pictures(result, provenance, units),
             _comparison(result, provenance, units),
             _models(result),
@@ -150,7 +152,7 @@ def identification_report(
 
 def _answer(result: Identification, provenance: Provenance) -> tuple[Part, ...]:
     first = [Sentence(words if words[-1] == "." else sentence(words), "strong") for words in result.summary]
-    said = [prediction_sentence(result), handling_sentence(result)]
+    said = [prediction_sentence(result), amplitude_sentence(result), handling_sentence(result)]
     return some(
         *first,
         *(Sentence(sentence(words)) for words in said if words),

@@ -20,6 +20,7 @@ from rover_sweep.report.wording import SHORT_NAMES, SI, Provenance, ShownUnits, 
 # Handling quantities as a table, as warnings and for identification.json.
 
 
+NOTABLE_BEND = 0.04  # relative change of a stiffness between amplitudes that is told
 LABELS = {
     "understeer_gradient_deg_per_g": "understeer gradient K_us",
     "static_margin": "static margin",
@@ -178,6 +179,25 @@ def prediction_sentence(result: Identification) -> str | None:
         return None
     v = model.verification[0]
     return f"On {v.run} (not in the fit) J_rms {number(v.j_rms, 3)} and TIC {number(v.tic, 2)}."
+
+
+def amplitude_sentence(result: Identification) -> str | None:
+    """How the cornering stiffness changes from the smallest to the largest amplitude; None where little."""
+    if not result.by_amplitude:
+        return None
+    first, last = result.by_amplitude[0], result.by_amplitude[-1]
+    name = max(first.stiffness, key=lambda n: abs(last.stiffness[n] / first.stiffness[n] - 1.0))
+    low, high = first.stiffness[name], last.stiffness[name]
+    if abs(high / low - 1.0) < NOTABLE_BEND:
+        return None
+    start, end = (f"{number(one.amplitude, 3)} {unit(one.unit)}" for one in (first, last))
+    change = f"from {number(low, 3)} to {number(high, 3)} N/rad between {start} and {end}"
+    if high > low:
+        return (
+            f"{symbol(name)} rises {change}, which tyres do not: look for play or friction in the steering."
+        )
+    small = " The numbers above hold for small slip." if result.numbers else ""
+    return f"{symbol(name)} falls {change}: the tyres bend.{small}"
 
 
 def diagnosis_remark(result: Identification) -> str | None:

@@ -331,6 +331,28 @@ def _pole(s: complex) -> tuple[Cell, ...]:
     return Cell(text, "warn" if s.real > 0 else ""), Cell(number(abs(s), 3)), Cell(damping)
 
 
+def amplitude_table(result: Identification) -> Table | None:
+    """Cornering stiffness of each run alone, small amplitudes first; None where all have one amplitude."""
+    if not result.by_amplitude:
+        return None
+    names = list(result.by_amplitude[0].stiffness)
+    rows = tuple(
+        (
+            Cell(one.run),
+            Cell(number(one.speed, 3)),
+            Cell(f"{number(one.amplitude, 3)} {unit(one.unit)}"),
+            *(Cell(number(one.stiffness[name], 3)) for name in names),
+        )
+        for one in result.by_amplitude
+    )
+    headings = ("run", "m/s", "amplitude", *(f"{symbol(name)}, N/rad" for name in names))
+    note = (
+        "Each run alone, the other parameters as fitted to all runs. Tyres bend: the larger the slip angle, "
+        "the smaller the stiffness."
+    )
+    return Table("Cornering stiffness at each amplitude", headings, rows, note, 1)
+
+
 def coherence_table(result: Identification) -> Table:
     """Speed, amplitude, usable bands and verdict of each run."""
     outputs = [o for o in OUTPUTS if any(o == c.output for v in result.coherence for c in v.outputs)]
