@@ -44,6 +44,18 @@ from sitl.redrive.open_loop import redrive
 MEASURED = "measured, in the vehicle file"
 GROWN = "of the nominal rover, scaled by the mass and size of the vehicle file"
 LONG_AGO = 60.0  # s
+BY_MASS = {
+    "front_cornering_stiffness",
+    "rear_cornering_stiffness",
+    "yaw_inertia",
+    "roll_inertia",
+    "roll_stiffness",
+    "roll_damping",
+}
+RATIOS = (
+    "driving shows stiffness, inertia, spring and damping only relative to the mass: with a wrong mass in the "
+    "vehicle file, simulation and recordings agree as well, and all these numbers are wrong by its share"
+)
 
 Columns = Mapping[str, Any] | str | None
 
@@ -386,7 +398,7 @@ def _twin(
         left,
         histories_of(shown),
         bode(shown),
-        remarks,
+        (*remarks, *((RATIOS,) if BY_MASS & {c.entry for c in corrections} else ())),
         seconds=seconds,
     )
 

@@ -80,7 +80,7 @@ def test_one_drive_where_it_agrees():
     assert len(world.drives) == 1
     assert rover == NOMINAL
     assert twin.agrees
-    assert "as it was" in twin.sentence
+    assert "as it was" in twin.sentence and not twin.remarks
 
 
 def test_drives_again_with_the_correction():
@@ -91,6 +91,7 @@ def test_drives_again_with_the_correction():
     assert twin.agrees
     assert [c.entry for c in twin.corrections] == ["yaw_inertia"]
     assert [len(r.corrections) for r in twin.rounds] == [1, 0]
+    assert "only relative to the mass" in twin.remarks[-1]
 
 
 def test_goes_on_while_it_helps():
