@@ -53,8 +53,8 @@ BY_MASS = {
     "roll_damping",
 }
 RATIOS = (
-    "driving shows stiffness, inertia, spring and damping only relative to the mass: with a wrong mass in the "
-    "vehicle file, simulation and recordings agree as well, and all these numbers are wrong by its share"
+    "driving shows stiffness, inertia, spring and damping only relative to the mass: with a wrong mass in "
+    "the vehicle file, simulation and recordings agree as well, and all these numbers are wrong by its share"
 )
 
 Columns = Mapping[str, Any] | str | None
