@@ -199,9 +199,12 @@ class Result(Identification):
         return joined_frames({name: model.to_frame() for name, model in self.models.items()}, "model")
 
     def report(
-        self, directory: Location, progress: Callable[[float, str], None] | None = None, units: str = "SI"
+        self,
+        directory: Location = "report",
+        progress: Callable[[float, str], None] | None = None,
+        units: str = "SI",
     ) -> ReportFiles:
-        """Writes report.html, identification.json, pictures and models into a folder.
+        """Writes report.html, identification.json, pictures and models into a folder, default "report".
 
         progress: called with the share written, 0..1, and the name of the next part. units: of the
         accelerations on the page, "SI" or "paper" (ft/s^2); the documents are in SI. UsageError for others.
@@ -222,6 +225,30 @@ class Result(Identification):
         from rover_sweep.files.replaced import write_file
 
         return write_file(Path(path), dumps(self))
+
+
+def bode(*given: Result | ModelResult, outputs: Sequence[str] | None = None, axes: Any = None) -> Any:
+    """Draws the measured responses of a result with the given models over them; matplotlib axes (3, outputs).
+
+    given: models and one `Result`, whose first group of runs was measured. Rows: magnitude, phase, coherence.
+    A model is named after its structure, numbered where names repeat. Models of another result are drawn at
+    the speed of this one. outputs, axes: as in `Result.plot`. UsageError without exactly one result.
+
+    >>> rs.bode(result.models["bicycle"], result.models["roll-yaw"], result, outputs=["r"]).shape
+    (3, 1)
+    """
+    from rover_sweep.drawing.drawn import draw_responses
+
+    measured = [one for one in given if isinstance(one, Result)]
+    if len(measured) != 1 or not all(isinstance(one, Result | ModelResult) for one in given):
+        raise UsageError("rs.bode takes models and one result, as in rs.bode(model_a, model_b, result)")
+    models: dict[str, ModelResult] = {}
+    for model in (one for one in given if isinstance(one, ModelResult)):
+        name = model.fit.structure.name
+        again = sum(1 for known in models if known.partition(" (")[0] == name) + 1
+        models[name if again == 1 else f"{name} ({again})"] = model
+    shown = replace(measured[0], models=models)
+    return draw_responses(shown, outputs, list(models), 0, axes)
 
 
 def identify(
@@ -245,12 +272,14 @@ def identify(
 
     verify: runs that are not fitted; default the doublets among `runs`. models: of "bicycle", "roll-yaw",
     "lumped" (the kinematic one is always added for comparison). fit: responses to fit, of "r", "ay", "vydot",
-    "p". tied: one cornering stiffness for both axles. band: swept range [rad/s]; bands: {response: usable
-    band [rad/s]}; windows [s]; all three default to values found from the data. free: parameters of the
-    roll-yaw model that are fitted in addition, such as "Ixx", "Ixz", "h". reduction: fix those again that the
-    data cannot determine, except the parameters in keep. condition_on: further inputs, such as "throttle",
-    whose effect is removed from the responses. structures: your own TOML files or `ModelStructure`s, fitted
-    in addition. bootstrap: replicates for the 90 % intervals (`parameters["C"].interval_90`), 0 for none.
+    "p". tied: begin with one cornering stiffness C for both axles, as the paper; Cf and Cr replace it where
+    they fit much better, and C is then the variant "one C for both axles". False: Cf and Cr. band: swept
+    range [rad/s]; bands: {response: usable band [rad/s]}; windows [s]; all three default to values found from
+    the data. free: parameters of the roll-yaw model that are fitted in addition, such as "Ixx", "Ixz", "h".
+    reduction: fix those again that the data cannot determine, except the parameters in keep. condition_on:
+    further inputs, such as "throttle", whose effect is removed from the responses. structures: your own TOML
+    files or `ModelStructure`s, fitted in addition. bootstrap: replicates for the 90 % intervals
+    (`parameters["C"].interval_90`), 0 for none.
     UsageError for wrong arguments.
 
     >>> runs = rs.read("run1.BIN", "run4.BIN", vehicle="rover.toml")

@@ -65,6 +65,11 @@ def loads(text: str, name: str = "the file") -> Any:
         raise UsageError(f"{name} is not JSON ({error}); give a file that Result.save wrote") from None
     if not isinstance(document, dict) or document.get("format") != FORMAT:
         found = document.get("format") if isinstance(document, dict) else type(document).__name__
+        if found == "rover-sweep identification":
+            raise UsageError(
+                f"{name} is the document of a report, which has the numbers without the recordings: read it "
+                "with json.load, or save a result by result.save(path) and load that"
+            )
         raise UsageError(
             f"{name} is not a saved result (its format is {found!r}); give a file that Result.save wrote"
         )

@@ -23,7 +23,7 @@ from rover_sweep.comparison.differences import (
 from rover_sweep.comparison.direct import (
     Direct,
     Pair,
-    bode,
+    bode_of_runs,
     direct,
     histories_of,
     instruments,
@@ -288,7 +288,7 @@ def _with_pictures(
         answer,
         could_differ=could_differ(found, recordings, simulation),
         overlays=histories_of(shown),
-        bode=bode((*shown, *swept)),
+        bode=bode_of_runs((*shown, *swept)),
     )
 
 

@@ -302,7 +302,7 @@ def histories_of(runs: Sequence[BeforeAfter]) -> tuple[TimeHistory, ...]:
     )
 
 
-def bode(runs: Sequence[BeforeAfter]) -> tuple[Bode, ...]:
+def bode_of_runs(runs: Sequence[BeforeAfter]) -> tuple[Bode, ...]:
     """Responses of the first run that is a sweep; none without one."""
     for one in runs:
         if one.run.kind in SWEPT:

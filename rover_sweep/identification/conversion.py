@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from math import factorial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
 from rover_sweep.data.recording import Array, LowPass
 from rover_sweep.errors import missing_extra
 from rover_sweep.identification.fit import FitResult
-from rover_sweep.identification.model_results import ModelResult
 from rover_sweep.identification.state_space import ModelStructure
 from rover_sweep.spectra.response import FrequencyResponse
 
@@ -22,8 +21,16 @@ if TYPE_CHECKING:
 System = tuple[Array, Array, Array, Array]  # A (nx, nx), B (nx, nu), C (ny, nx), D (ny, nu)
 
 
+class HasFit(Protocol):
+    """A model with its fit, such as `ModelResult`."""
+
+    @property
+    def fit(self) -> FitResult:
+        """The fit."""
+
+
 def to_control(
-    found: ModelResult | FitResult | ModelStructure | FrequencyResponse,
+    found: HasFit | FitResult | ModelStructure | FrequencyResponse,
     speed: float | None = None,
     pade: int = 2,
     sensors: Mapping[str, LowPass] | None = None,
@@ -63,7 +70,7 @@ def to_control(
 
 
 def to_scipy(
-    found: ModelResult | FitResult | ModelStructure,
+    found: HasFit | FitResult | ModelStructure,
     speed: float | None = None,
     pade: int = 2,
     dt: float | None = None,
@@ -91,10 +98,10 @@ def to_scipy(
 
 
 def _structure_and_speed(
-    found: ModelResult | FitResult | ModelStructure, speed: float | None
+    found: HasFit | FitResult | ModelStructure, speed: float | None
 ) -> tuple[ModelStructure, float]:
     """The structure and the speed [m/s] of the conversion."""
-    fit = found.fit if isinstance(found, ModelResult) else found
+    fit: object = getattr(found, "fit", found)
     if isinstance(fit, ModelStructure):
         if speed is None:
             raise ValueError(f"the {fit.name} structure has no speed: give speed")
@@ -114,16 +121,13 @@ def _parts(
     structure: ModelStructure, speed: float, order: int, sensors: Mapping[str, LowPass]
 ) -> tuple[System, System, System]:
     """Systems in series: delays of the inputs, the structure, delays and sensors of the outputs."""
-    mat = structure.matrices(speed)
-    a = np.linalg.solve(mat.m, mat.f)
-    b = np.linalg.solve(mat.m, mat.input_matrix.astype(float))
     delays, late = structure.input_delays, structure.output_delays
     before = [_delay(_value(structure, delays.get(name)), order) for name in structure.inputs]
     after = [
         _series(_delay(_value(structure, late.get(name)), order), _low_pass(sensors.get(name)))
         for name in structure.outputs
     ]
-    return _parallel(before), (a, b, mat.h0 + mat.h1 @ a, mat.h1 @ b), _parallel(after)
+    return _parallel(before), structure.matrices(speed).state_space(), _parallel(after)
 
 
 def pade_delay(tau: float, order: int) -> tuple[Array, Array]:

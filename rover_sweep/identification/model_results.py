@@ -9,8 +9,9 @@ from typing import Any, Literal
 import numpy as np
 
 from rover_sweep.data.geometry import Geometry
-from rover_sweep.data.recording import Recording, data_frame, drawing
+from rover_sweep.data.recording import Array, Recording, data_frame, drawing
 from rover_sweep.data.results import ByName, PlainNumbers, ShortTable, Shown
+from rover_sweep.identification.conversion import to_control
 from rover_sweep.identification.fit import (
     Condition,
     Estimate,
@@ -65,6 +66,48 @@ class ModelResult(PlainNumbers, Shown):
         True
         """
         return self.fit.parameters
+
+    def __getitem__(self, name: str) -> Estimate:
+        """A parameter by its name; KeyError with the names there are.
+
+        >>> result.models["roll-yaw"]["Izz"].unit
+        'kg m^2'
+        """
+        return self.parameters[name]
+
+    @property
+    def A(self) -> Array:
+        """System matrix (nx, nx) of x' = A x + B u at the speed of the fit, u delayed by `tau`; SI units.
+
+        States, inputs and outputs: `fit.structure.states`, `.inputs`, `.outputs`.
+
+        >>> model = result.models["bicycle"]
+        >>> model.fit.structure.states, model.A.shape, model.C.shape
+        (('beta', 'r'), (2, 2), (3, 2))
+        """
+        return self._state_space()[0]
+
+    @property
+    def B(self) -> Array:
+        """Input matrix (nx, nu), see `A`."""
+        return self._state_space()[1]
+
+    @property
+    def C(self) -> Array:
+        """Output matrix (ny, nx) of y = C x + D u, see `A`."""
+        return self._state_space()[2]
+
+    @property
+    def D(self) -> Array:
+        """Feedthrough (ny, nu), see `C`."""
+        return self._state_space()[3]
+
+    def _state_space(self) -> tuple[Array, Array, Array, Array]:
+        return self.fit.structure.matrices(self.fit.speed).state_space()
+
+    def to_control(self, pade: int = 2) -> Any:
+        """`control.StateSpace` with the delay as a Pade form of this order; as `rs.to_control`."""
+        return to_control(self, pade=pade)
 
     def plot(self, axes: Any = None) -> Any:
         """Draws the first verification run, measured and predicted; returns matplotlib axes (channels,).

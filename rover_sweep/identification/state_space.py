@@ -58,6 +58,12 @@ class Matrices:
         """G (nx, nu), one column for each input."""
         return self.g.reshape(len(self.g), -1)
 
+    def state_space(self) -> tuple[Array, Array, Array, Array]:
+        """A (nx, nx), B (nx, nu), C (ny, nx), D (ny, nu) of x' = A x + B u, y = C x + D u, without delays."""
+        a = np.linalg.solve(self.m, self.f)
+        b = np.linalg.solve(self.m, self.input_matrix.astype(float))
+        return a, b, self.h0 + self.h1 @ a, self.h1 @ b
+
 
 Builder = Callable[[Mapping[str, Any]], Matrices]
 

@@ -13,7 +13,7 @@ from typing import Any
 from rover_sweep.comparison.answer import Comparison, Correction, Twin, TwinDrive
 from rover_sweep.comparison.compare import AGREE, Compared
 from rover_sweep.comparison.differences import Known
-from rover_sweep.comparison.direct import bode, driven_again, histories_of
+from rover_sweep.comparison.direct import bode_of_runs, driven_again, histories_of
 from rover_sweep.data.recording import Recording
 from rover_sweep.data.vehicle_file import Vehicle
 from rover_sweep.data.vehicle_geometry import geometry_of, tolerances_of
@@ -397,7 +397,7 @@ def _twin(
         corrections,
         left,
         histories_of(shown),
-        bode(shown),
+        bode_of_runs(shown),
         (*remarks, *((RATIOS,) if BY_MASS & {c.entry for c in corrections} else ())),
         seconds=seconds,
     )

@@ -224,3 +224,33 @@ def test_a_model_without_verification_says_what_to_do(result: rs.Result) -> None
     bare = replace(result.models["roll-yaw"], verification=())
     with pytest.raises(rs.UsageError, match="verified on no run"):
         bare.plot()
+
+
+def test_models_of_two_results_are_drawn_over_the_measured_response(result):
+    model = result.models["roll-yaw"]
+    axes = rs.bode(model, result.models["bicycle"], model, result, outputs=["r"])
+    lines = [line.get_label() for line in axes[0, 0].get_lines()]
+    assert axes.shape == (3, 1)
+    names = ("roll-yaw model", "bicycle model", "roll-yaw (2) model")
+    assert set(names) <= set(lines)
+    with pytest.raises(rs.UsageError, match="one result"):
+        rs.bode(model)
+
+
+def test_a_model_shows_its_matrices_and_parameters(result):
+    model = result.models["roll-yaw"]
+    assert model["Izz"] is model.parameters["Izz"]
+    with pytest.raises(KeyError, match="the names are"):
+        model["mass_of_the_moon"]
+    w, v = 3.0, model.fit.speed
+    h = model.C @ np.linalg.solve(1j * w * np.eye(len(model.A)) - model.A, model.B) + model.D
+    late = np.exp(-1j * w * model["tau"].value)
+    k = model.fit.structure.outputs.index("ay")
+    np.testing.assert_allclose(h[k, 0] * late, model.fit.structure.response(np.array([w]), v, "ay")[0])
+    assert model.to_control(pade=0).nstates == len(model.A)
+
+
+def test_the_document_of_a_report_is_no_saved_result(result, tmp_path):
+    files = result.report(tmp_path / "report")
+    with pytest.raises(rs.UsageError, match="document of a report.*result.save"):
+        rs.load_result(files.document)

@@ -65,7 +65,7 @@ def _izz(factor: float) -> Difference:
 
 @pytest.fixture(autouse=True)
 def no_pictures(monkeypatch):
-    for name in ("histories_of", "bode"):
+    for name in ("histories_of", "bode_of_runs"):
         monkeypatch.setattr(loop, name, lambda shown: ())
     monkeypatch.setattr(loop, "driven_again", lambda before, after, held_out: ())
 

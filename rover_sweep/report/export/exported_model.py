@@ -230,13 +230,8 @@ def _unit(structure: ModelStructure, name: str) -> str:
 
 def matrices_of(mat: Matrices) -> dict[str, Any]:
     """A, B, C, D and the matrices M, F, G, H0, H1 that they are computed from."""
-    a = np.linalg.solve(mat.m, mat.f)
-    b = np.linalg.solve(mat.m, mat.input_matrix.astype(float))
     return {
-        "A": a,
-        "B": b,
-        "C": mat.h0 + mat.h1 @ a,
-        "D": mat.h1 @ b,
+        **dict(zip(STATE_SPACE, mat.state_space(), strict=True)),
         "M": mat.m.astype(float),
         "F": mat.f.astype(float),
         "G": mat.input_matrix.astype(float),
