@@ -12,9 +12,11 @@ from rich.console import Console
 
 import rover_sweep as rs
 from rover_sweep.identification.handling import UNITS
+from rover_sweep.identification.model_results import UNTIED
 from rover_sweep.report.identification.report import identification_report
-from rover_sweep.report.identification.sentences import amplitude_sentence, handling_sentence
-from rover_sweep.report.identification.tables import numbers_table
+from rover_sweep.report.identification.sentences import amplitude_sentence, handling_sentence, modes_sentence
+from rover_sweep.report.identification.tables import numbers_table, variants_table
+from rover_sweep.report.in_html import in_html
 from rover_sweep.report.on_terminal import on_terminal
 
 DATA = Path(__file__).parents[1] / "data"
@@ -58,6 +60,21 @@ def test_the_answer_shows_the_numbers_and_the_fit_beside_them(nominal: rs.Result
     assert document["numbers"]["Cf"]["value"] == nominal.numbers["Cf"].value
     assert len(document["numbers"]["K_us"]["interval_90"]) == 2
     assert "Numbers of the rover" in (tmp_path / "report" / "report.html").read_text()
+
+
+def test_the_modes_are_those_of_the_handling_wherever_they_are_told(nominal: rs.Result) -> None:
+    told = nominal.handling["roll-yaw"].told
+    frequency, damping = (f"{told[f'yaw_{n}'].value:.{d}g}" for n, d in (("frequency", 3), ("damping", 2)))
+    assert f"yaw {frequency} rad/s with a damping ratio of {damping}" in (modes_sentence(nominal) or "")
+    page = in_html(identification_report(nominal, nominal.origin), {})
+    assert "Poles at" not in page.partition("Lumped model")[0]
+
+
+def test_a_fit_stands_once_in_the_table_of_fits(nominal: rs.Result) -> None:
+    model = nominal.models["roll-yaw"]
+    assert "Cf" in model.fit.structure.values and UNTIED in model.variants
+    table = variants_table(nominal, "roll-yaw")
+    assert table is not None and "the fit" in table.headings and UNTIED not in table.headings
 
 
 def test_the_tyres_bend_more_at_the_larger_amplitude(nominal: rs.Result, tmp_path: Path) -> None:

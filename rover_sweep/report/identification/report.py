@@ -20,6 +20,7 @@ from rover_sweep.identification.acceptance import (
     usable,
 )
 from rover_sweep.identification.grouping import Group
+from rover_sweep.identification.handling import has_handling
 from rover_sweep.identification.pipeline import Identification, ModelResult
 from rover_sweep.report.charts.chart import ChartPlan
 from rover_sweep.report.charts.response_charts import (
@@ -53,6 +54,7 @@ from rover_sweep.report.identification.sentences import (
     filters_remark,
     handling_sentence,
     handling_table,
+    modes_sentence,
     prediction_sentence,
     to_do,
 )
@@ -152,7 +154,12 @@ def identification_report(
 
 def _answer(result: Identification, provenance: Provenance) -> tuple[Part, ...]:
     first = [Sentence(words if words[-1] == "." else sentence(words), "strong") for words in result.summary]
-    said = [prediction_sentence(result), amplitude_sentence(result), handling_sentence(result)]
+    said = [
+        prediction_sentence(result),
+        amplitude_sentence(result),
+        modes_sentence(result),
+        handling_sentence(result),
+    ]
     return some(
         *first,
         *(Sentence(sentence(words)) for words in said if words),
@@ -213,7 +220,8 @@ def _model(result: Identification, name: str) -> Section:
     badges = [Badge(model.verdict.level, LEVELS.get(model.verdict.level, "bad"))]
     badges += [Badge("recommended", "good")] if chosen else []
     tables = some(parameter_table(result, name), reduction_table(model))
-    more = some(variants_table(result, name), None if rejected or name == "kinematic" else poles_table(model))
+    in_handling = name == "kinematic" or has_handling(model.fit.structure)
+    more = some(variants_table(result, name), None if rejected or in_handling else poles_table(model))
     return Section(
         f"{TITLES.get(name, name)} model",
         (

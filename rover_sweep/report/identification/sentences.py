@@ -89,6 +89,19 @@ def handling_sentence(result: Identification) -> str | None:
     return None if found is None else found.sentence
 
 
+def modes_sentence(result: Identification) -> str | None:
+    """Frequency and damping of the recommended model's modes; None for a model without tyres."""
+    found = _told(result).get(result.recommended or "")
+    if found is None:
+        return None
+    modes = [
+        f"{mode} {number(frequency, 3)} rad/s with a damping ratio of {number(damping, 2)}"
+        for mode in ("yaw", "roll")
+        if (frequency := found.get(f"{mode}_frequency")) and (damping := found.get(f"{mode}_damping"))
+    ]
+    return f"Modes at {found.speed:.2f} m/s: {', '.join(modes)}." if modes else None
+
+
 def handling_document(result: Identification, verify_runs: Sequence[Recording] = ()) -> dict[str, Any]:
     """{models: {name: {speed_m_s, tied, identified, sentence, quantities}}, notes}.
 

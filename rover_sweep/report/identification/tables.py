@@ -263,9 +263,10 @@ def _side_by_side(title: str, fit: FitResult, other: FitResult) -> list[tuple[Ce
 
 
 def variants_table(result: Identification, name: str) -> Table | None:
-    """Parameters and costs of a model in its other fits, None without any."""
+    """Parameters and costs of a model in its other fits, None where all are the fit itself."""
     model = result.models[name]
-    fits = {"the fit": model.fit, **model.variants}
+    others = {n: f for n, f in model.variants.items() if f.structure.values != model.fit.structure.values}
+    fits = {"the fit": model.fit, **others}
     if len(fits) < 2 or rejection(result, name):
         return None
     names = list(dict.fromkeys(e.name for f in fits.values() for e in f.estimates if e.free))
