@@ -350,7 +350,7 @@ def test_design_shows_numbers_pictures_and_warnings(
         "3758 us/s",
         "205 deg/s",
         "127 x 39 m",
-        "2.6 of 0.3 rad/s",
+        "5.3 of 0.3 rad/s in the T_rec of all runs",
         "INS_GYRO_FILTER 4 Hz has a lag",
         "\u28ff",
     ):

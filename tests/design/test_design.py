@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -144,7 +145,7 @@ def test_a_good_design_has_no_warning() -> None:
 GOOD_SWEEP = Sweep(amplitude=120, w_min=0.6, w_max=20, t_rec=50)
 FAST, TOO_FAST = (replace(GOOD_SWEEP, w_max=w, amplitude=60) for w in (28, 40))
 FAULTS: dict[str, tuple[Sweep, float, dict[str, float], str]] = {
-    "short": (replace(GOOD_SWEEP, t_rec=30), 2.0, {}, "T_rec 30 s contains 2.9 periods"),
+    "short": (replace(GOOD_SWEEP, t_rec=18), 2.0, {}, "T_rec 18 s contains 1.7 periods"),
     "one run": (replace(GOOD_SWEEP, w_min=0.55), 2.0, {"runs": 1}, "too short for 0.55 rad/s"),
     "no fade": (replace(GOOD_SWEEP, fade=0), 2.0, {}, "without a fade"),
     "no straight": (replace(GOOD_SWEEP, straight=0), 2.0, {}, "too short to measure biases"),
@@ -179,6 +180,22 @@ def test_runs_that_are_asked_for_are_enough() -> None:
     said = warnings(make_design(sweep, ROVER, 2.0, **{**GOOD, "runs": 1}))
     needed = int(said[0].rsplit("drive ", 1)[1].split()[0])
     assert warnings(make_design(sweep, ROVER, 2.0, **{**GOOD, "runs": needed})) == []
+
+
+def test_two_runs_of_the_default_sweep_are_long_enough() -> None:
+    """As in the paper: 55 s are 2.6 periods of .3 rad/s, and two runs 5.3."""
+    assert not any("contains" in text or "window" in text for text in warnings(make_design(Sweep())))
+    assert any("drive 2 runs" in text for text in warnings(make_design(Sweep(), runs=1)))
+
+
+@pytest.mark.parametrize("remedy", [r"T_rec (\d+) s or", r"w_min ([\d.]+) rad"])
+def test_a_longer_or_faster_sweep_that_is_asked_for_is_enough(remedy: str) -> None:
+    sweep = replace(GOOD_SWEEP, t_rec=18)
+    (said,) = (text for text in warnings(make_design(sweep, ROVER, 2.0, **GOOD)) if "contains" in text)
+    found = re.search(remedy, said.split("use ")[1])
+    assert found is not None
+    other = replace(sweep, **{"t_rec" if "T_rec" in remedy else "w_min": float(found[1])})
+    assert not any("contains" in text for text in warnings(make_design(other, ROVER, 2.0, **GOOD)))
 
 
 def test_own_servo_replaces_the_typical_one() -> None:

@@ -115,7 +115,8 @@ def _facts(design: Design, vehicle: Vehicle | None) -> list[tuple[str, str]]:
         facts.append(
             (
                 "long periods",
-                f"{design.long_periods:.1f} of {design.manoeuvre.w_min:g} rad/s in T_rec (4..5 advised)",
+                f"{design.runs * (design.long_periods or 0.0):.1f} of {design.manoeuvre.w_min:g} rad/s in "
+                f"{'the T_rec of all runs' if design.runs > 1 else 'T_rec'} (4..5 advised)",
             )
         )
     if isinstance(design.manoeuvre, Multisine):
