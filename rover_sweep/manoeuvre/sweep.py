@@ -168,9 +168,14 @@ class Doublet:
 
 Manoeuvre = Sweep | Doublet | Multisine
 
+# The runs of a session that names none. What depends on the amplitude shows between the two sweeps; the
+# doublet verifies.
+FIRST_SWEEPS = (Sweep(amplitude=120.0), Sweep(amplitude=240.0))
+FIRST_DOUBLET = Doublet()
+
 
 def long_periods(sweep: Sweep) -> float:
-    """Number of periods of w_min in T_rec; 4..5 are advised (Tischler & Remple 2012, chapter 5)."""
+    """Number of periods of w_min in T_rec; in all runs 4..5 are advised (Tischler & Remple 2012)."""
     return sweep.t_rec * sweep.w_min / (2 * math.pi)
 
 

@@ -17,6 +17,8 @@ from firmware_params.param_files import WantedParameter, read, shipped
 from rover_sweep.errors import LinkError, UsageError
 from rover_sweep.manoeuvre.multisine import Multisine
 from rover_sweep.manoeuvre.sweep import (
+    FIRST_DOUBLET,
+    FIRST_SWEEPS,
     BiasSweep,
     Doublet,
     Manoeuvre,
@@ -169,10 +171,10 @@ class DryRun:
     throttle_us [us]. limits: of the applet. parameters: set on the vehicle beforehand if they differ.
     """
 
-    sweeps: tuple[Sweep, ...] = (Sweep(amplitude=120.0), Sweep(amplitude=240.0))
+    sweeps: tuple[Sweep, ...] = FIRST_SWEEPS
     multisines: tuple[Multisine, ...] = ()
     bias_sweeps: tuple[BiasSweep, ...] = ()
-    doublet: Doublet = field(default_factory=Doublet)
+    doublet: Doublet = FIRST_DOUBLET
     simulator: Simulator = "embedded"
     ardurover: Path | None = None
     variant: str | Path = "nominal"

@@ -8,7 +8,10 @@ from pathlib import Path
 import pytest
 from program_calls import DRIVEN, ROVER, SHORT, RunProgram
 
+from rover_sweep.cli.commands.run import _planned
 from rover_sweep.cli.views.display import PlainDisplay, live_line
+from rover_sweep.session.simulated_rover import DryRun
+from rover_sweep.tui.model.plan_rows import FIRST
 from rover_sweep.vehicle.events import Event, Sample, StateChanged
 from sitl import launcher
 
@@ -166,3 +169,12 @@ def test_the_live_line_names_what_matters_and_fits() -> None:
         assert words in line
     unknown = live_line(Sample(1.0, 6, *[float("nan")] * 5), "idle")
     assert "nan" not in unknown and len(unknown) == len(line)
+
+
+def test_without_a_manoeuvre_every_command_plans_the_same_runs() -> None:
+    """Sweeps at two amplitudes and a doublet, as the documentation advises."""
+    run, session = _planned((), (), (), (), ()), FIRST
+    assert [planned.manoeuvre for planned in run] == [row.manoeuvre for row in session]
+    assert [planned.manoeuvre for planned in DryRun().plan.runs] == [row.manoeuvre for row in session]
+    first, second, last = (planned.manoeuvre.amplitude for planned in run)
+    assert (first, second, last) == (120.0, 240.0, 150.0)

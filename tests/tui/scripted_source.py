@@ -19,7 +19,7 @@ from rover_sweep.live.source import (
     Update,
     Verdict,
 )
-from rover_sweep.manoeuvre.sweep import Doublet, Sweep
+from rover_sweep.manoeuvre.sweep import FIRST_SWEEPS, Doublet
 from rover_sweep.session.session import SessionRun
 from rover_sweep.vehicle import events as e
 from rover_sweep.vehicle.identity import VehicleIdentity
@@ -28,7 +28,7 @@ from rover_sweep.vehicle.run.controls import RunSettings
 
 URL = "tcp:127.0.0.1:5760"
 ROVER = VehicleIdentity("ArduRover 4.6.3", (4, 6, 3), "3fc7011a", 1, 1)
-SWEEP = Sweep(amplitude=150.0)
+SWEEP = FIRST_SWEEPS[0]
 TLOG = Path("sweep1.tlog")
 
 

@@ -12,7 +12,7 @@ from rover_sweep.cli.options import ARDUROVER, AS_JSON, FILE, FOLDER, FULL, POSI
 from rover_sweep.cli.vehicle_link import ACCESS, ManoeuvreType
 from rover_sweep.errors import UsageError
 from rover_sweep.manoeuvre.multisine import Multisine
-from rover_sweep.manoeuvre.sweep import BiasSweep
+from rover_sweep.manoeuvre.sweep import FIRST_SWEEPS, BiasSweep
 
 if TYPE_CHECKING:
     from rover_sweep.vehicle.link.connection import Access
@@ -45,7 +45,7 @@ def dry_run(
         "Amplitude of the first sweep, up to 200 us; the second has twice that.",
         POSITIVE,
         "US",
-        default=120.0,
+        default=FIRST_SWEEPS[0].amplitude,
     ),
     wmin: float = option("Lowest frequency.", POSITIVE, "RAD/S", default=0.3),
     wmax: float = option("Highest frequency.", POSITIVE, "RAD/S", default=25.0),

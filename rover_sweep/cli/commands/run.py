@@ -32,7 +32,7 @@ from rover_sweep.cli.vehicle_link import (
 )
 from rover_sweep.errors import UsageError
 from rover_sweep.manoeuvre.multisine import Multisine
-from rover_sweep.manoeuvre.sweep import BiasSweep, Doublet, Sweep, ThrottleSweep
+from rover_sweep.manoeuvre.sweep import FIRST_DOUBLET, FIRST_SWEEPS, BiasSweep, Doublet, Sweep, ThrottleSweep
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -100,11 +100,11 @@ def run(
     The pilot arms, drives and throws the switch (RC6_OPTION 300). This program sets the applet's
     parameters and records; it moves nothing without --arm, --throttle or --throw-switch. Switch low ends a
     run at once, without the laptop. Ctrl-C also ends it, and continues to log and report with the complete
-    runs. Without any manoeuvre given: two sweeps and a doublet of 150 us.
+    runs. Without any manoeuvre given: sweeps of 120 and 240 us and a doublet of 150 us.
 
     \b
     rover-sweep run --connect /dev/ttyUSB0,57600 --vehicle rover.toml \\
-      --sweep 120 --sweep 200,wmax=20 --doublet 150 --out today
+      --sweep 120 --sweep 240,wmax=20 --doublet 150 --out today
 
     With --vehicle ardurover the whole workflow runs on the official firmware in simulation: the program
     uploads the applet by MAVLink FTP, sets parameters, reboots, arms and drives.
@@ -171,7 +171,7 @@ def _planned(
     from rover_sweep.session.session import SessionRun
 
     if not (sweeps or multisines or bias_sweeps or doublets or throttle_sweeps):
-        sweeps, doublets = (Sweep(), Sweep()), (Doublet(),)
+        sweeps, doublets = FIRST_SWEEPS, (FIRST_DOUBLET,)
     return (
         *(SessionRun(f"sweep{n}", sweep) for n, sweep in enumerate(sweeps, 1)),
         *(SessionRun(f"multisine{n}", multisine) for n, multisine in enumerate(multisines, 1)),

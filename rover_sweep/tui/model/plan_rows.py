@@ -13,7 +13,16 @@ from rover_sweep.data.vehicle_file import Vehicle
 from rover_sweep.design.demand import Space, space
 from rover_sweep.errors import UsageError
 from rover_sweep.manoeuvre.multisine import Multisine
-from rover_sweep.manoeuvre.sweep import BiasSweep, Doublet, Manoeuvre, Sweep, ThrottleSweep, parameters_of
+from rover_sweep.manoeuvre.sweep import (
+    FIRST_DOUBLET,
+    FIRST_SWEEPS,
+    BiasSweep,
+    Doublet,
+    Manoeuvre,
+    Sweep,
+    ThrottleSweep,
+    parameters_of,
+)
 from rover_sweep.tui.drawn import APPLET
 from rover_sweep.tui.model.state import State
 
@@ -77,9 +86,8 @@ _FIELDS: Mapping[str, tuple[Field, ...]] = {
 }
 
 FIRST = (
-    Row(Sweep(), name="sweep1"),
-    Row(Sweep(), name="sweep2"),
-    Row(Doublet(), name="doublet1"),
+    *(Row(sweep, name=f"sweep{n}") for n, sweep in enumerate(FIRST_SWEEPS, 1)),
+    Row(FIRST_DOUBLET, name="doublet1"),
 )  # the default of `rover-sweep run`
 
 
