@@ -43,6 +43,13 @@ def test_wrong_serial_devices(tmp_path: Path) -> None:
         open_transport("/dev/null,12345")
 
 
+@pytest.mark.parametrize("url", ["COM3:57600", "COM3,57600", "com12", "/dev/ttyUSB0:57600"])
+def test_another_programs_form_of_a_serial_port_is_answered_with_ours(url: str) -> None:
+    with pytest.raises(UsageError, match=r"/dev/ttyUSB0,57600$") as refused:
+        parse_url(url)
+    assert ("udp:0.0.0.0:14550" in str(refused.value)) == url.upper().startswith("COM")
+
+
 def test_udp_answers_the_vehicle() -> None:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
         free.bind(("127.0.0.1", 0))

@@ -4,6 +4,7 @@ address to answer (`greeting`)."""
 from __future__ import annotations
 
 import os
+import re
 import select
 import socket
 import time
@@ -100,6 +101,7 @@ class Address:
 def parse_url(url: str) -> Address:
     """tcp:HOST:PORT, udp:HOST:PORT or udpin: (listen), udpout:HOST:PORT (send first), /dev/ttyX[,BAUD]."""
     scheme, _, rest = url.partition(":")
+    _refuse_colon(url)
     if url.startswith("/dev/"):
         device, _, baud = url.partition(",")
         return Address("serial", device, _number(baud or "115200", url))
@@ -110,6 +112,25 @@ def parse_url(url: str) -> Address:
             "udpout:HOST:PORT, or a serial device as /dev/ttyACM0,115200"
         )
     return Address("udpin" if scheme == "udp" else scheme, host.strip("/") or "127.0.0.1", _number(port, url))
+
+
+_COLON = re.compile(r"(?P<port>/dev/tty[\w.-]+|(?P<windows>COM\d+)):?,?(?P<baud>\d*)", re.IGNORECASE)
+
+
+def _refuse_colon(url: str) -> None:
+    """UsageError for a serial port in another program's form: /dev/ttyUSB0:57600, COM3:57600."""
+    found = _COLON.fullmatch(url)
+    if found is not None and found["windows"]:
+        raise UsageError(
+            f"connection {url!r} is a serial port of Windows, which this program cannot open; let a ground "
+            "station forward the vehicle by UDP and give udp:0.0.0.0:14550, or use Linux or macOS with "
+            f"/dev/ttyUSB0,{found['baud'] or 57600}"
+        )
+    if found is not None and ":" in url:
+        raise UsageError(
+            f"connection {url!r} is not understood; write a comma before the baud rate: "
+            f"{found['port']},{found['baud'] or 57600}"
+        )
 
 
 def _number(text: str, url: str) -> int:
