@@ -29,7 +29,7 @@ from rover_sweep.logs.read import read_runs
 from rover_sweep.quality.faults import each_with_length, is_unexcited
 from rover_sweep.quality.rovers import stopped_at, with_rovers
 from rover_sweep.quality.verdict import CoherenceTable, assess
-from rover_sweep.session.folder import is_session, kept_vehicle_file
+from rover_sweep.session.folder import is_session, kept_vehicle_file, without_run
 from rover_sweep.session.session import session_runs
 
 # Divides runs into those to fit and those to verify on, and refuses runs in both.
@@ -451,7 +451,12 @@ def load_runs(
         if is_session(Path(part.source)):
             found += _of_session(part.source, filters, names)
         else:
-            runs = read_runs(part.source, column_map=columns, filters=filters, system=system)
+            try:
+                runs = read_runs(part.source, column_map=columns, filters=filters, system=system)
+            except DataRefused as refused:
+                if words := without_run(Path(part.source)):
+                    raise DataRefused(words) from refused
+                raise
             kept = part.without(others, part.chosen(runs))
             found += [named(run, part.source, names[part.source]) for run in kept]
     if others and not found:

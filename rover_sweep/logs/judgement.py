@@ -89,6 +89,11 @@ def _refuse_without_wheels(log: Log) -> None:
 
 def _refuse_odd_clock(log: Log) -> None:
     rate = log.signals["r"].rate
+    if rate and rate <= SLOWEST and log.arrivals is not None:
+        raise DataRefused(
+            f"{log.name}: the yaw rate was received only every {1 / rate:.3g} s; request the streams of the "
+            "IMU at 20 Hz or more, or give the vehicle's log (.BIN)"
+        )
     if rate and not SLOWEST < rate < FASTEST:
         unit = "ms" if 1 / rate < 100.0 else "us"
         advice = (

@@ -254,6 +254,25 @@ def is_session(folder: Path) -> bool:
     return folder.is_dir() and ((folder / DESCRIPTION).is_file() or any(folder.glob("*.tlog")))
 
 
+def without_run(tlog: Path) -> str:
+    """For a session's tlog in which the applet did nothing: a sentence with those that hold a complete run.
+
+    "" for any other file, and where none holds one.
+    """
+    folder = tlog.parent
+    if tlog.suffix != ".tlog" or not (folder / DESCRIPTION).is_file() or not tlog.is_file():
+        return ""
+    with contextlib.suppress(UsageError):  # a damaged session.json
+        whole = [run.tlog for run in read_folder(folder).runs if run.state == "done"]
+        if whole and tlog.name not in whole and outcome_of(tlog) is None:
+            one, *more = whole
+            others = (
+                f"{', '.join(whole)} have one each: give one of them" if more else f"{one} has one: give it"
+            )
+            return f"there is no run in {tlog.name}; {others}, or the folder {folder}"
+    return ""
+
+
 def kept_vehicle_file(sources: Sequence[str]) -> Path | None:
     """The vehicle file in the sessions among the sources; UsageError if they differ."""
     kept = [path for source in sources if (path := Path(source) / VEHICLE_FILE).is_file()]

@@ -11,6 +11,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from recordings import DEFAULTS, foreign
 
 from rover_sweep.errors import DataRefused
+from rover_sweep.logs.read import read_runs
 from rover_sweep.logs.readers.tlog import open_tlog, parse_tlog
 from rover_sweep.logs.readers.tlog_channels import read_telemetry
 
@@ -51,9 +52,9 @@ class Telemetry:
         frame = message.pack(self._pack, force_mavlink1=self._version == 1)
         self.data += struct.pack(">Q", self._arrival) + frame
 
-    def drive(self, start: float, seconds: float, kind: int = 10) -> None:
+    def drive(self, start: float, seconds: float, kind: int = 10, step: float = 0.05) -> None:
         self.add(mavlink.MAVLink_heartbeat_message(kind, 3, 193, 0, 4, 3))
-        for t in np.arange(start, start + seconds, 0.05):
+        for t in np.arange(start, start + seconds, step):
             us, ms, wave = round(t * 1e6), round(t * 1e3), float(np.sin(2.0 * (t - start)))
             steer = 1500 + round(100 * wave)
             self.add(
@@ -163,3 +164,11 @@ def test_a_flipped_bit_is_found_by_the_checksum() -> None:
     tlog = parse_tlog(bytes(data), frozenset(["RAW_IMU"]))
     assert tlog.damaged == 1
     assert len(tlog.messages["RAW_IMU"]) == 19
+
+
+def test_slow_streams_are_asked_for_faster(tmp_path: Path) -> None:
+    """A ground station's usual streams; their unit of time is right."""
+    telemetry = Telemetry()
+    telemetry.drive(100.0, 60.0, step=1.0)
+    with pytest.raises(DataRefused, match=r"received only every 1 s; request the streams .* at 20 Hz"):
+        read_runs(str(saved(tmp_path, telemetry.data)))

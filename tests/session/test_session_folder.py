@@ -10,6 +10,7 @@ from typing import Any
 
 import pytest
 
+from rover_sweep.api.read import load_runs
 from rover_sweep.cli.main import run
 from rover_sweep.cli.options import vehicle_path
 from rover_sweep.errors import DataRefused, UsageError
@@ -17,7 +18,7 @@ from rover_sweep.live.source import Verdict
 from rover_sweep.manoeuvre.multisine import Multisine
 from rover_sweep.manoeuvre.sweep import BiasSweep, Doublet, Sweep, ThrottleSweep
 from rover_sweep.session.content import FetchedLog, SessionRun
-from rover_sweep.session.folder import Session, is_session, read_folder
+from rover_sweep.session.folder import Session, is_session, read_folder, without_run
 from rover_sweep.session.session import session_runs
 
 MISSING = object()
@@ -270,3 +271,22 @@ def test_throttle_sweeps_alone_ask_for_the_log(tmp_path: Path) -> None:
     session.ended(tlog, "done", "", left_armed=False, span=(1.5, 70.0), number=1)
     with pytest.raises(DataRefused, match=r"throttle sweeps only \(throttle1\).*fetch its .BIN"):
         session_runs(tmp_path / "s")
+
+
+def test_a_tlog_between_the_runs_names_those_that_hold_one(tmp_path: Path) -> None:
+    with contextlib.closing(Session.open(tmp_path)) as session:
+        for planned, state in zip((*PLAN[:2], PLAN[0]), ("done", "done", "stopped"), strict=True):
+            tlog = session.tlog(planned.name)
+            session.begun(planned, tlog, arming=False)
+            session.ended(tlog, state, "", left_armed=False, span=(1.5, 70.0), number=1)
+    (tmp_path / "connect.tlog").write_bytes(bytes(3000))
+    with pytest.raises(DataRefused) as refused:
+        load_runs([str(tmp_path / "connect.tlog")], None, None)
+    first, second, stopped = (run.tlog for run in read_folder(tmp_path).runs)
+    assert f"no run in connect.tlog; {first}, {second} have one each" in str(refused.value)
+    assert stopped not in str(refused.value)
+
+
+def test_a_tlog_outside_a_session_is_refused_for_its_own_reason(tmp_path: Path) -> None:
+    (tmp_path / "connect.tlog").write_bytes(bytes(3000))
+    assert without_run(tmp_path / "connect.tlog") == ""
