@@ -55,7 +55,7 @@ from rover_sweep.session.session import (
     stop_and_disarm,
 )
 from rover_sweep.vehicle.events import Connected, LogSaved, Notice, Rebooting
-from rover_sweep.vehicle.identity import identify_vehicle, untested
+from rover_sweep.vehicle.identity import AppletUnready, identify_vehicle, untested
 from rover_sweep.vehicle.link.connection import Access, SeveralVehicles
 from rover_sweep.vehicle.link.link import Link
 from rover_sweep.vehicle.link.mavlink import Message
@@ -179,12 +179,18 @@ class VehicleWork:
             rebooted |= isinstance(event, Rebooting)
             yield event
         if rebooted:
+            yield Notice("info", "the rover has rebooted")
             yield from self._streams(link)
 
     def drive(self, link: Link, request: DriveRequest) -> Iterator[Update]:
         """One run, and the verdict on it."""
         planned, settings = request.planned, request.settings
-        refuse_impossible(link, (planned,), settings)
+        try:
+            refuse_impossible(link, (planned,), settings)
+        except AppletUnready as error:
+            raise LinkError(f"{error.found}: press 2, choose applet, then F") from error
+        except UsageError as error:
+            raise UsageError(f"{error}: press 3, then E to change the run") from error
         self._remember_logs(link)
         self.session.set(asdict(settings))
         yield from await_estimator(link)
@@ -391,7 +397,8 @@ class VehicleSource:
             opened = Link.open(url, self.session.between(), timeout, self._line, self._tick, access)
         except SeveralVehicles as several:
             yield Several(url, several.heard)
-            raise
+            many = f"{len(several.heard)} vehicles are heard on {url}"
+            raise UsageError(f"{many}: choose one by ↑ and ↓, then ENTER") from several
         self._link, self._url, self._system = opened, url, opened.target[0]
         opened.hear(self._hear)
         try:

@@ -265,11 +265,8 @@ def without_run(tlog: Path) -> str:
     with contextlib.suppress(UsageError):  # a damaged session.json
         whole = [run.tlog for run in read_folder(folder).runs if run.state == "done"]
         if whole and tlog.name not in whole and outcome_of(tlog) is None:
-            one, *more = whole
-            others = (
-                f"{', '.join(whole)} have one each: give one of them" if more else f"{one} has one: give it"
-            )
-            return f"there is no run in {tlog.name}; {others}, or the folder {folder}"
+            have = "have one each: give one of them" if len(whole) > 1 else "has one: give it"
+            return f"there is no run in {tlog.name}; {', '.join(whole)} {have}, or the folder {folder}"
     return ""
 
 

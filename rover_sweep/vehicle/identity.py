@@ -72,36 +72,40 @@ def untested(vehicle: VehicleIdentity) -> str:
     )
 
 
+class AppletUnready(LinkError):
+    """The applet cannot drive a run. found: why, without the command that repairs it."""
+
+    def __init__(self, found: str, repair: str = "`rover-sweep firmware install` installs it") -> None:
+        super().__init__(f"{found}; {repair}")
+        self.found = found
+
+
 def check_applet(link: Link) -> dict[str, float]:
-    """The applet's parameters, which prove that it runs. LinkError if it does not run, is switched off, or
-    has another version."""
+    """The applet's parameters, which prove that it runs.
+
+    AppletUnready if it does not run, is off or has another version; LinkError on a board without scripting.
+    """
     present = read_present(link, [p.name for p in PARAMETERS])
     if "SWP_ENABLE" not in present:
-        raise LinkError(_why_no_applet(link))
+        raise _no_applet(link)
     lacking = [p.name for p in PARAMETERS if p.name not in present]
     if lacking:
-        raise LinkError(
-            f"the applet on the rover has another version (no {', '.join(lacking)}); "
-            "install this program's with `rover-sweep firmware install`"
-        )
+        raise AppletUnready(f"the applet on the rover has another version (no {', '.join(lacking)})")
     if present["SWP_ENABLE"] == 0:
-        raise LinkError("the applet is switched off (SWP_ENABLE 0); set SWP_ENABLE to 1")
+        raise AppletUnready("the applet is switched off (SWP_ENABLE 0)", "set SWP_ENABLE to 1")
     return present
 
 
-def _why_no_applet(link: Link) -> str:
+def _no_applet(link: Link) -> LinkError:
     try:
         scripting = read_parameter(link, "SCR_ENABLE")
     except ParameterMissing:
-        return "this firmware has no Lua scripting (no SCR_ENABLE); use a board with scripting"
+        return LinkError("this firmware has no Lua scripting (no SCR_ENABLE); use a board with scripting")
     if scripting == 0:
-        return (
-            "the sweep applet does not run: SCR_ENABLE is 0; `rover-sweep firmware install` sets it "
-            "and installs the applet"
-        )
-    return (
-        "the sweep applet does not run (no parameter SWP_ENABLE); install it with "
-        "`rover-sweep firmware install`, and look for script errors in the rover's messages"
+        return AppletUnready("the sweep applet does not run (SCR_ENABLE is 0)")
+    return AppletUnready(
+        "the sweep applet does not run (no parameter SWP_ENABLE)",
+        "install it with `rover-sweep firmware install`, and look for script errors in the rover's messages",
     )
 
 

@@ -18,10 +18,12 @@ from rover_sweep.data.vehicle_file import load as load_vehicle
 from rover_sweep.data.vehicle_geometry import geometry_of
 from rover_sweep.identification.grouping import Settings as IdentificationSettings
 from rover_sweep.identification.pipeline import identify
-from rover_sweep.live.source import Checked, DriveRequest, FetchLogs, Judged, Preflight, Snapshot
+from rover_sweep.live.source import Checked, DriveRequest, FetchLogs, Fix, Judged, Preflight, Snapshot
+from rover_sweep.manoeuvre.sweep import Sweep
+from rover_sweep.session.content import SessionRun
 from rover_sweep.session.folder import Session, read_folder
 from rover_sweep.session.session import session_runs
-from rover_sweep.vehicle.events import Connected, LogSaved, RunFinished
+from rover_sweep.vehicle.events import Connected, LogSaved, Rebooting, RunFinished
 from sitl import launcher
 
 
@@ -39,7 +41,8 @@ def session(tmp_path_factory: pytest.TempPathFactory) -> Iterator[SimpleNamespac
         asked.wait(Judged, lambda judged: judged.verdict.run == "doublet")
         failures += [asked.do(FetchLogs())]
         asked.wait(Snapshot)
-        yield SimpleNamespace(folder=home / "session", asked=asked, failures=failures)
+        refused = asked.do(DriveRequest(SessionRun("large", Sweep(amplitude=300)), SETTINGS))
+        yield SimpleNamespace(folder=home / "session", asked=asked, failures=failures, refused=refused)
 
 
 def test_everything_asked_was_done(session: SimpleNamespace) -> None:
@@ -53,6 +56,20 @@ def test_everything_asked_was_done(session: SimpleNamespace) -> None:
     assert [log.path.name for log in asked.all(LogSaved)] == ["log1.BIN"]
     verdicts = [(judged.verdict.run, judged.verdict.advice) for judged in asked.all(Judged)]
     assert verdicts == [("sweep1", "keep"), ("doublet", "keep")]
+
+
+def test_a_refusal_names_the_keys_that_help(session: SimpleNamespace, tmp_path: Path) -> None:
+    assert "allows 250 us" in session.refused
+    assert session.refused.endswith(": press 3, then E to change the run")
+    vehicle = launcher.start_embedded(tmp_path / "vehicle", speedup=25)
+    with vehicle as rover, Asked(tmp_path / "session") as asked:
+        asked.connect(rover.connection)
+        refused = asked.do(DriveRequest(PLAN[0], SETTINGS))
+        assert refused == "the sweep applet does not run (SCR_ENABLE is 0): press 2, choose applet, then F"
+        assert asked.do(Preflight()) == ""
+        assert asked.do(Fix("applet", reboot=True)) == ""
+        words = [getattr(told, "text", type(told)) for _, told in asked.told]
+        assert "the rover has rebooted" in words[words.index(Rebooting) :], "it is no longer rebooting"
 
 
 def test_snapshots_flow_all_the_time(session: SimpleNamespace) -> None:

@@ -69,7 +69,8 @@ def _switch(have: dict[str, float]) -> int:
         if have.get(f"RC{number}_OPTION") == SCRIPTING_1:
             return number
     raise UsageError(
-        "no RC channel triggers the applet: set RC6_OPTION to 300, or SWP_CHAN to the number of a channel"
+        "no RC channel triggers the applet: set RC6_OPTION to 300 (the check switch does), or "
+        "SWP_CHAN to the number of a channel"
     )
 
 

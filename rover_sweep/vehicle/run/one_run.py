@@ -66,7 +66,7 @@ def refuse_blind(present: Mapping[str, float], settings: RunSettings) -> None:
     if settings.throttle_us is not None and present.get("FS_THR_ENABLE") == 0:
         raise UsageError(
             "FS_THR_ENABLE is 0: the rover would not detect the loss of the safety pilot's transmitter; "
-            "set FS_THR_ENABLE to 1, or let the pilot drive (no --throttle)"
+            "set FS_THR_ENABLE to 1 (the check rc does), or let the pilot drive"
         )
 
 
