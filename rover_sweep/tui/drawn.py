@@ -144,6 +144,13 @@ def seconds(value: float) -> str:
     return f"{value:.0f} s" if value < 100 else f"{int(value) // 60} min {int(value) % 60:02d} s"
 
 
+def ago(seconds: float) -> str:
+    """How long ago something was; "" for less than 10 s."""
+    if seconds < 10:
+        return ""
+    return f"{seconds // 10 * 10:.0f} s ago" if seconds < 120 else f"{seconds // 60:.0f} min ago"
+
+
 # Words in large letters, three or five rows high, readable from a distance.
 
 
@@ -329,8 +336,15 @@ class ScreenRows:
             self.add("")
         return self
 
-    def sentence(self, text: str, style: str = "", indent: int = 1, most: int = 99) -> ScreenRows:
-        """Add text wrapped at the width, in at most `most` rows."""
+    def sentence(
+        self, text: str, style: str = "", indent: int = 1, most: int = 99, below: int | None = None
+    ) -> ScreenRows:
+        """Add text wrapped at the width, in at most `most` rows.
+
+        below: rows that the content after it needs; others may be used too, even beyond `most`.
+        """
+        if below is not None:
+            most = max(most, self.left - below)
         rows = wrapped(text, self.width - 2 * indent)
         if len(rows) > most:
             rows = [*rows[: most - 1], rows[most - 1][: self.width - 2 * indent - 2] + " …"]
@@ -373,12 +387,24 @@ def cut_line(line: str, width: int) -> str:
     return f"{words} …" if len(words) > width - 20 else f"{line[: width - 1]}…"
 
 
+def fitted(text: str, width: int, most: int) -> str:
+    """The text in at most `most` rows, each a column in; the last one cut if it is too long."""
+    rows = wrapped(text, width - 2)
+    kept, rest = rows[: most - 1], rows[most - 1 :]
+    return "\n".join(cut_line(f" {row}", width) for row in (*kept, *([" ".join(rest)] if rest else [])))
+
+
 def window(count: int, chosen: int, room: int) -> range:
     """The range of at most `room` of `count` rows that contains the chosen one."""
     if count <= room:
         return range(count)
     first = min(max(0, chosen - room // 2), count - room)
     return range(first, first + room)
+
+
+def moved(index: int, step: int, count: int) -> int:
+    """The index `step` further in a list of `count`, which ends at both ends; 0 in an empty one."""
+    return max(0, min(index + step, count - 1))
 
 
 def joined(parts: Iterable[str]) -> str:

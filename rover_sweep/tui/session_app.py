@@ -18,9 +18,19 @@ from textual.app import App
 from textual.message import Message
 from textual.reactive import reactive
 
-from rover_sweep.live.source import Connect, DriveRequest, Ended, Fix, Preflight, Request, Several, Source
+from rover_sweep.live.source import (
+    Checked,
+    Connect,
+    DriveRequest,
+    Ended,
+    Fix,
+    Preflight,
+    Request,
+    Several,
+    Source,
+)
 from rover_sweep.session.session import SessionRun
-from rover_sweep.tui.drawn import DARK, LIGHT, Palette, Question
+from rover_sweep.tui.drawn import DARK, LIGHT, Palette, Question, ago, moved, switch_label
 from rover_sweep.tui.jobs import Analyses, AnalysisJob, command_inputs
 from rover_sweep.tui.model.plan_rows import FIRST, SPEED, Row, with_names
 from rover_sweep.tui.model.setup import (
@@ -43,6 +53,15 @@ class Arrived(Message):
     """Messages are waiting in the feed."""
 
 
+_OLD = 60.0  # s
+
+
+def _outside(state: State) -> tuple[object, ...]:
+    """What the status row shows of a rover and the checks judge: mode, arming, switch, fix, EKF."""
+    now = state.snapshot
+    return () if now is None else (now.mode, now.armed, switch_label(now.switch), now.fix, now.ekf)
+
+
 class SessionApp(App[None]):
     """State and requests of a session; `source` does the work, `setup` has the command line's settings."""
 
@@ -59,7 +78,8 @@ class SessionApp(App[None]):
         self.look_for_ports()
         self.analyses = Analyses(self.redraw, setup.folder)
         self.feed = Feed(lambda: self.post_message(Arrived()))
-        self._speed, self._asked_at = math.nan, 0.0
+        self._speed, self._asked_at, self._checked_at = math.nan, 0.0, 0.0
+        self._checked_on: tuple[object, ...] = ()
         self.set_reactive(SessionApp.state, State(runs=setup.driven, logs=setup.logs))
         self.set_reactive(SessionApp.plan, setup.plan or FIRST)
         self.set_reactive(SessionApp.chosen, self._first_left())
@@ -100,6 +120,8 @@ class SessionApp(App[None]):
             remember(self.setup.memory, self.memory)
             self.ask(Preflight())
             self.turn_to("preflight", ("connect",))
+        elif isinstance(message, Checked):
+            self._checked_at, self._checked_on = time.monotonic(), _outside(self.state)
         elif isinstance(message, Several):
             self.places = with_systems(self.places, message.url, message.heard)
         elif isinstance(message, e.RunStarted):
@@ -133,6 +155,16 @@ class SessionApp(App[None]):
         return time.monotonic() - self._asked_at if self.state.busy else 0.0
 
     @property
+    def checks_old(self) -> bool:
+        """True if the rover was seen otherwise since the shown checks, or they are older than a minute."""
+        return self.checks_age > _OLD or _outside(self.state) != self._checked_on
+
+    @property
+    def checks_age(self) -> float:
+        """Time since the shown checks, s."""
+        return time.monotonic() - self._checked_at if self.state.checks else 0.0
+
+    @property
     def may_drive(self) -> bool:
         """True if a run can be started now."""
         state = self.state
@@ -154,7 +186,7 @@ class SessionApp(App[None]):
         row = self.next_row
         if row is None or not self.may_drive:
             return
-        question = question_before(row, self.setup, self.state)
+        question = question_before(row, self.setup, self.state, ago(self.checks_age))
         if not question:
             self._drive(row)
             return
@@ -200,7 +232,7 @@ class SessionApp(App[None]):
 
     def choose(self, index: int) -> None:
         """Choose the row to drive next."""
-        self.chosen = index % len(self.plan) if self.plan else 0
+        self.chosen = moved(index, 0, len(self.plan))
 
     def plan_repeat(self, run: RunRecord) -> None:
         """Plan the run again as the next one, with the amplitude that its verdict proposes."""

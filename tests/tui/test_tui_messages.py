@@ -13,7 +13,7 @@ from rover_sweep.session.content import Content, DrivenRun, FetchedLog, SessionR
 from rover_sweep.tui.drawn import LIGHT
 from rover_sweep.tui.jobs import Analyses, AnalysisJob, summary_of
 from rover_sweep.tui.model.plan_rows import Row, task
-from rover_sweep.tui.model.setup import fetched_logs, records
+from rover_sweep.tui.model.setup import fetched_logs, is_kept, records
 from rover_sweep.tui.model.state import AbortAsked, Asked, RunRecord, State, reduced
 from rover_sweep.tui.screens.frame import message, status
 from rover_sweep.tui.screens.plan import last_outcome
@@ -56,14 +56,17 @@ def test_reports_and_gains_of_before_are_found_again(tmp_path: Path) -> None:
 def test_the_latest_try_comes_first() -> None:
     row = Row(SWEEP, 2.0, "sweep1")
     tries = (
-        RunRecord("sweep1", SWEEP, "stopped", "script paused 122 ms", 1, TLOG),
+        RunRecord("sweep1", SWEEP, "stopped", "script paused 122 ms", 1, TLOG, began=True),
         RunRecord("sweep1", SWEEP, "failed", "no answer"),
-        RunRecord("sweep1", SWEEP, "done", "", 2, TLOG, Verdict("sweep1", "keep", "keep")),
+        RunRecord("sweep1", SWEEP, "done", "", 2, TLOG, Verdict("sweep1", "keep", "keep"), began=True),
+        RunRecord("sweep1", SWEEP, "failed", "the applet does not run"),
         RunRecord("sweep1", replace(SWEEP, amplitude=200.0), "done", "", 3, TLOG),
     )
     assert last_outcome(row, ()) == ""
     assert last_outcome(row, tries[:1]) == "✗ stopped"
-    assert last_outcome(row, tries) == "✓ KEEP (2 before)"
+    assert last_outcome(row, tries[1:2]) == "✗ failed"
+    assert last_outcome(row, tries) == "✓ KEEP (1 before)", "a run that never began does not count"
+    assert is_kept(row, tries)
 
 
 def test_runs_and_logs_of_before(tmp_path: Path) -> None:

@@ -18,6 +18,7 @@ from rover_sweep.files.documents import read_json
 from rover_sweep.live.source import Played, Snapshot, Update, Verdict
 from rover_sweep.manoeuvre.sweep import Sweep
 from rover_sweep.session.content import Content, DrivenRun, SessionRun
+from rover_sweep.session.folder import outcome_of
 from rover_sweep.tui import drawn as labels
 from rover_sweep.tui.model.plan_rows import SPEED, Row, ground
 from rover_sweep.tui.model.state import Outcome, RunRecord, State
@@ -193,7 +194,13 @@ def _record(run: DrivenRun, folder: Path) -> RunRecord:
         run.number,
         folder / run.tlog,
         _verdict(run.verdict),
+        began=run.span is not None or _in_its_tlog(folder / run.tlog),
     )
+
+
+def _in_its_tlog(tlog: Path) -> bool:
+    """Whether the recording of a run that was cut shows the applet at work."""
+    return tlog.is_file() and outcome_of(tlog) is not None
 
 
 def _reason(run: DrivenRun, outcome: Outcome) -> str:
@@ -246,8 +253,11 @@ class Feed:
 # The question before a run: what this program will do, what speaks against it.
 
 
-def question_before(row: Row, setup: Setup, state: State) -> str:
-    """The question; "" if there is none, as the pilot does everything and the run is not kept already."""
+def question_before(row: Row, setup: Setup, state: State, checked: str = "") -> str:
+    """The question; "" if there is none, as the pilot does everything and the run is not kept already.
+
+    checked: how long ago the checks were run, "" for just now.
+    """
     kept, own = is_kept(row, state.runs), setup.own_part
     if not kept and not own:
         return ""
@@ -257,21 +267,22 @@ def question_before(row: Row, setup: Setup, state: State) -> str:
     ]
     if kept:
         parts.append(f"{row.name} is already KEEP: there is no need to drive it again.")
-    parts.append(bad_checks(state.checks))
+    parts.append(bad_checks(state.checks, checked))
     if own:
         parts.append(f"This program {', '.join(own)}.")
     return "\n\n".join((*parts, "Is the area clear of people and obstacles?"))
 
 
-def bad_checks(checks: Sequence[Check]) -> str:
-    """A sentence on how many of the checks are bad, and which."""
+def bad_checks(checks: Sequence[Check], checked: str = "") -> str:
+    """A sentence on how many of the checks are bad, and which. checked: how long ago, "" for just now."""
     bad = [check.name.replace("_", " ") for check in checks if check.state == "bad"]
     if not checks:
         return "The checks were NOT RUN: view 2, R."
+    when = f", checked {checked}" if checked else ""
     if not bad:
-        return f"None of the {len(checks)} checks is BAD."
+        return f"None of the {len(checks)} checks is BAD{when}."
     verb = "is" if len(bad) == 1 else "are"
-    return f"{len(bad)} of {len(checks)} checks {verb} BAD: {', '.join(bad)} (view 2)."
+    return f"{len(bad)} of {len(checks)} checks {verb} BAD: {', '.join(bad)} (view 2{when})."
 
 
 def is_kept(row: Row, runs: Sequence[RunRecord]) -> bool:
@@ -281,5 +292,6 @@ def is_kept(row: Row, runs: Sequence[RunRecord]) -> bool:
 
 
 def driven_for(row: Row, runs: Sequence[RunRecord]) -> list[RunRecord]:
-    """The runs of a row of the plan, oldest first."""
-    return [run for run in runs if run.name == row.name and run.manoeuvre == row.manoeuvre]
+    """The runs of a row of the plan, oldest first; one that never began only where there is no other."""
+    found = [run for run in runs if run.name == row.name and run.manoeuvre == row.manoeuvre]
+    return [run for run in found if run.began or run.outcome in ("asked", "running")] or found[-1:]

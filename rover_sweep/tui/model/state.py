@@ -65,7 +65,8 @@ class LogLine:
 
 @dataclass(frozen=True)
 class RunRecord:
-    """A run of this session. reason: why it is not complete; number: the applet's run counter."""
+    """A run of this session. reason: why it is not complete; number: the applet's run counter; began: the
+    applet began it."""
 
     name: str
     manoeuvre: Manoeuvre
@@ -74,6 +75,12 @@ class RunRecord:
     number: int = 0
     tlog: Path | None = None
     verdict: Verdict | None = None
+    began: bool = False
+
+    @property
+    def label(self) -> str:
+        """The name, with a number if it is a repeat, as reports have it."""
+        return self.tlog.stem if self.tlog else self.name
 
 
 @dataclass(frozen=True)
@@ -186,8 +193,9 @@ def _happened(state: State, event: e.Event) -> State:
         case e.Rebooting():
             return _logged(state, "info", f"rebooting the rover to apply {', '.join(event.because)}")
         case e.StateChanged():
-            wanted = None if event.state > 0 and _wants(state, "high") else state.wanted
-            return replace(state, applet=event.state, wanted=wanted)
+            if event.state > 0:
+                state = replace(_begun(state), wanted=None if _wants(state, "high") else state.wanted)
+            return replace(state, applet=event.state)
         case e.SwitchWanted():
             return replace(state, wanted=event)
         case e.RunStarted() | e.RunFinished() | e.Interrupted():
@@ -255,6 +263,13 @@ def _closed(state: State, ended: Ended) -> State:
     return replace(state, runs=(*state.runs[:-1], replace(last, outcome="failed", reason=reason)))
 
 
+def _begun(state: State) -> State:
+    """The applet has begun the run in progress."""
+    if state.run is None or state.run.outcome != "running":
+        return state
+    return replace(state, runs=(*state.runs[:-1], replace(state.run, began=True)))
+
+
 def _run(state: State, event: e.RunStarted | e.RunFinished | e.Interrupted) -> State:
     """Update the latest record of that name; a run that was not requested gets a new record."""
     index = next((n for n in reversed(range(len(state.runs))) if state.runs[n].name == event.name), None)
@@ -272,6 +287,7 @@ def _run(state: State, event: e.RunStarted | e.RunFinished | e.Interrupted) -> S
                 reason="" if event.completed else event.reason,
                 number=event.number,
                 tlog=event.tlog,
+                began=True,
             )
             if not event.completed:
                 state = _logged(state, "error", f"{event.name} is incomplete: {event.reason}")

@@ -16,7 +16,7 @@ from textual.widgets import Input, Static
 from rover_sweep.errors import UsageError
 from rover_sweep.live.source import FetchLogs
 from rover_sweep.tui import drawn as labels
-from rover_sweep.tui.drawn import ScreenRows, bar, cells, window, wrapped
+from rover_sweep.tui.drawn import ScreenRows, bar, cells, moved, window, wrapped
 from rover_sweep.tui.model.plan_rows import Field, Row, fields, row_with, value
 from rover_sweep.tui.model.setup import Setup
 from rover_sweep.tui.model.state import RunRecord
@@ -94,7 +94,7 @@ class EditRow(ModalScreen[Row | None]):
 
     def action_choose(self, step: int) -> None:
         if self._take_typed():
-            self.chosen = (self.chosen + step) % len(fields(self.row))
+            self.chosen = moved(self.chosen, step, len(fields(self.row)))
         self.redraw()
 
     def action_step(self, direction: int) -> None:
@@ -200,9 +200,17 @@ class LogScreen(SessionScreen):
             f" runs: {len(state.runs)}, complete: {sum(r.outcome == 'done' for r in state.runs)}",
             style=f"bold {palette.ink}",
         )
-        most = height // 2 - 2
-        for run in state.runs[-most:]:
-            rows.add(f" {run_line(run, width - 2)}", style=palette.ink)
+        lines = [
+            (row, {"warning": palette.doubtful, "error": f"bold {palette.bad}"}.get(line.level, palette.ink))
+            for line in state.messages
+            for row in wrapped(f"{LEVELS[line.level]}{line.text}", width - 2)
+        ]
+        most = max(height // 2 - 2, height - 5 - len(lines))
+        listed = [run_lines(run, width - 2) for run in state.runs[-most:]]
+        whole = sum(map(len, listed)) <= most
+        for run, of_run in zip(state.runs[-most:], listed, strict=True):
+            for line in of_run if whole else [run_line(run, width - 2)]:
+                rows.add(f" {line}", style=palette.ink)
         if state.fetching is not None:
             f = state.fetching
             share = f.done / f.total if f.total else 0.0
@@ -215,11 +223,6 @@ class LogScreen(SessionScreen):
         if state.logs:
             rows.sentence("on disk: " + ", ".join(path.name for path in state.logs), palette.good, most=2)
         rows.add("─" * width, style=palette.quiet)
-        lines = [
-            (row, {"warning": palette.doubtful, "error": f"bold {palette.bad}"}.get(line.level, palette.ink))
-            for line in state.messages
-            for row in wrapped(f"{LEVELS[line.level]}{line.text}", width - 2)
-        ]
         end = len(lines) - min(self.back, max(0, len(lines) - rows.left))
         for row, style in lines[max(0, end - rows.left) : end]:
             rows.add(f" {row}", style=style)
@@ -232,6 +235,10 @@ class LogScreen(SessionScreen):
         self.back = min(max(0, self.back + step), max(0, len(self.state.messages) - 1))
         self.redraw()
 
+    def why_not(self, action: str) -> str:
+        waits = "" if action != "fetch" or not self.state.armed else "not while the rover is armed"
+        return super().why_not(action) or waits
+
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
         if action != "fetch":
             return True
@@ -240,15 +247,30 @@ class LogScreen(SessionScreen):
         return ready and not state.busy and not state.armed
 
 
+_RUN = (13, 11, 8)  # columns of a run in the log: name, outcome, amplitude
+
+
 def run_line(run: RunRecord, width: int) -> str:
     """A run with its outcome and verdict in one line."""
-    sign, outcome = labels.OUTCOMES[run.outcome]
-    verdict = run.reason
-    if run.verdict is not None:
-        verdict = f"{labels.ADVICE[run.verdict.advice][0]} {verdict_sentence(run.verdict)}"
-    return cells(
-        (run.name, f"{sign} {outcome}", f"±{run.manoeuvre.amplitude:g} us", verdict), (13, 11, 8, width - 36)
-    )
+    return cells((*_of_run(run), _result(run)), (*_RUN, width - sum(_RUN) - len(_RUN) - 1))
+
+
+def run_lines(run: RunRecord, width: int) -> list[str]:
+    """The same, in as many lines as the verdict needs."""
+    left = sum(_RUN) + len(_RUN)
+    head = (cells(_of_run(run), _RUN), *([" " * (left - 1)] * 99))
+    words = wrapped(_result(run), width - left - 1) or [""]
+    return [f"{first} {row}".rstrip() for first, row in zip(head, words, strict=False)]
+
+
+def _of_run(run: RunRecord) -> tuple[str, ...]:
+    return run.label, " ".join(labels.OUTCOMES[run.outcome]), f"±{run.manoeuvre.amplitude:g} us"
+
+
+def _result(run: RunRecord) -> str:
+    if run.verdict is None:
+        return run.reason
+    return f"{labels.ADVICE[run.verdict.advice][0]} {verdict_sentence(run.verdict)}"
 
 
 # Choice of the connection: from the command line, remembered, serial ports.
@@ -282,8 +304,6 @@ class ConnectScreen(SessionScreen):
             rows.sentence(f"Connected: {vehicle.words} on {self.state.url}", f"bold {self.palette.good}")
         elif self.state.busy:
             rows.sentence("Connecting ...", f"bold {self.palette.accent}")
-        elif len(self.state.failure) + 3 > width:  # too long for the message row below
-            rows.sentence(f"✗ {self.state.failure}", f"bold {self.palette.bad}", most=3)
         if self.state.played is not None:
             rows.sentence("This is a recording: its rover cannot be controlled.", self.palette.ink)
             return rows.text()
@@ -292,7 +312,7 @@ class ConnectScreen(SessionScreen):
         return rows.text()
 
     def action_choose(self, step: int) -> None:
-        self.chosen = (self.chosen + step) % len(self.session.places)
+        self.chosen = moved(self.chosen, step, len(self.session.places))
         self.redraw()
 
     def action_connect(self) -> None:

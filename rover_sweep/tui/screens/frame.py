@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 from rich.text import Text
 from textual import events
+from textual.actions import parse as parse_action
 from textual.app import ComposeResult
 from textual.binding import Binding
 from textual.containers import Vertical, VerticalScroll
@@ -17,7 +18,7 @@ from textual.widgets import Static
 
 from rover_sweep.live.source import Connect, DriveRequest, FetchLogs, Fix, Play, Preflight, Request
 from rover_sweep.tui import drawn as labels
-from rover_sweep.tui.drawn import Palette, ScreenRows, cut_line, harmless, joined
+from rover_sweep.tui.drawn import Palette, ScreenRows, cut_line, fitted, harmless, joined
 from rover_sweep.tui.model.plan_rows import Task, task
 from rover_sweep.tui.model.state import State
 
@@ -92,24 +93,44 @@ def minutes_seconds(t: float) -> str:
     return f"{int(t) // 60}:{int(t) % 60:02d}"
 
 
-def message(state: State, palette: Palette, width: int, last: bool = True, waited: float = 0.0) -> Text:
+def message(
+    state: State,
+    palette: Palette,
+    width: int,
+    last: bool = True,
+    waited: float = 0.0,
+    hint: str = "",
+    most: int = 1,
+) -> Text:
     """During a run, how to abort it; else the pending request and its time `waited` [s]; else the failure;
-    else, with `last`, the last line of the log."""
+    else, with `last`, the last line of the log. In at most `most` rows.
+
+    hint: why the key that was pressed last does nothing.
+    """
     if state.aborting:
         return Text(" ABORTING - releasing the rover ".center(width), palette.alarming, no_wrap=True)
     if state.under_way:
-        return Text(f" RUN IN PROGRESS - {ABORT_WORDS} ABORTS ".center(width), palette.alarming, no_wrap=True)
+        words = f" RUN IN PROGRESS - {ABORT_WORDS} ABORTS{' - ' if hint else ''}{hint} "
+        return Text(words.center(width), palette.alarming, no_wrap=True)
+    if hint:
+        return Text(cut_line(f" {hint}", width), f"bold {palette.accent}", no_wrap=True)
     if state.asked:
         since = f"{waited:.0f} s " if waited >= _LONG else ""
         work = since + ": ".join(filter(None, (working_on(state.asked[0]), state.doing)))
         return Text(cut_line(f" … {work}", width), f"bold {palette.accent}", no_wrap=True)
     if state.failure:
-        return Text(cut_line(f" ✗ {state.failure}", width), f"bold {palette.bad}", no_wrap=True)
+        words = fitted(f"✗ {state.failure}", width, most)
+        return Text(words, f"bold {palette.bad}", no_wrap=True)
     if not (state.messages and last):
         return Text("")
     line = state.messages[-1]
     style = {"warning": palette.doubtful, "error": palette.bad}.get(line.level, palette.quiet)
-    return Text(cut_line(f" {LEVELS[line.level]}{line.text}", width), style, no_wrap=True)
+    return Text(fitted(f"{LEVELS[line.level]}{line.text}", width, most), style, no_wrap=True)
+
+
+def _warns(state: State) -> bool:
+    """True if the last line of the log is a warning or an error."""
+    return bool(state.messages) and state.messages[-1].level in ("warning", "error")
 
 
 def working_on(request: Request) -> str:
@@ -226,6 +247,8 @@ class KeysHelp(ModalScreen[None]):
 
 
 _AROUND = 5  # rows: views, status, message, keys
+_MESSAGE = 4  # rows of the longest message
+_OF_A_ROVER = ("go", "look", "fix", "fetch")  # actions that need one
 _NAMES = {
     "up": "↑",
     "down": "↓",
@@ -259,6 +282,7 @@ class SessionScreen(Screen[None]):
     def __init__(self) -> None:
         super().__init__()
         self._shown: dict[str, Text] = {}  # by place
+        self._refused: Binding | None = None  # of the key pressed last, if it did nothing
 
     @property
     def session(self) -> SessionApp:
@@ -291,6 +315,7 @@ class SessionScreen(Screen[None]):
         self.redraw()
 
     def on_screen_resume(self) -> None:
+        self._refused = None
         self.redraw()
 
     def on_key(self, event: events.Key) -> None:
@@ -298,6 +323,35 @@ class SessionScreen(Screen[None]):
         if len(event.key) == 1 and event.key != event.key.lower():
             event.stop()
             self.app.simulate_key(event.key.lower())
+            return
+        before, self._refused = self._refused, None
+        for binding in self._bindings.key_to_bindings.get(event.key, ()):
+            if not self.check_action(*parse_action(binding.action)[1:]):
+                self._refused = binding
+        if self._refused is not before:
+            self.redraw()
+
+    @property
+    def _hint(self) -> str:
+        """Why the key that was pressed last does nothing; "" if it does something, or now would."""
+        binding = self._refused
+        if binding is None or self.check_action(*parse_action(binding.action)[1:]):
+            return ""
+        why = self.why_not(parse_action(binding.action)[1])
+        return f"{_key(binding)}: {why}" if why else ""
+
+    def why_not(self, action: str) -> str:
+        """Why the key of this action does nothing now, as a phrase; "" if the view shows it."""
+        state = self.state
+        if state.under_way:
+            return "not during a run"
+        if state.asked:
+            return f"not before this is done: {working_on(state.asked[0])}"
+        if action in _OF_A_ROVER and state.played is not None:
+            return "this is a recording"
+        if action in _OF_A_ROVER and state.vehicle is None:
+            return "no rover is connected; 1 connects"
+        return ""
 
     def on_resize(self) -> None:
         self.redraw()
@@ -321,11 +375,18 @@ class SessionScreen(Screen[None]):
         if small:
             yield "body", too_small(self.state, task(self.state), self.palette, width, height)
             return
+        body = self._drawn(width, height - _AROUND)
+        most = min(_MESSAGE, 1 + height - LEAST[1])
+        if not (self.state.failure or self.repeats_messages and _warns(self.state)):  # else free rows only
+            most = min(most, 1 + height - _AROUND - len(body.plain.rstrip().split("\n")))
         waited = self.session.waited
+        said = message(self.state, self.palette, width, self.repeats_messages, waited, self._hint, most)
+        rows = said.plain.count("\n") + 1
+        self.query_one("#message").styles.height = rows
         yield "tabs", tabs(self.view, self.palette, width)
         yield "status", status(self.state, self.palette, width)
-        yield "body", self._drawn(width, height - _AROUND)
-        yield "message", message(self.state, self.palette, width, self.repeats_messages, waited)
+        yield "body", body if rows == 1 else self._drawn(width, height - _AROUND + 1 - rows)
+        yield "message", said
         yield "keys", keys(list(self.keys_now()), self.palette, width)
 
     def _drawn(self, width: int, height: int) -> Text:

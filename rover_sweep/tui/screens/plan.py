@@ -10,7 +10,7 @@ from textual.binding import Binding
 
 from rover_sweep.live.source import Connect, Fix, Preflight
 from rover_sweep.tui import drawn as labels
-from rover_sweep.tui.drawn import Palette, Question, ScreenRows, cells, window
+from rover_sweep.tui.drawn import Palette, Question, ScreenRows, cells, moved, window, wrapped
 from rover_sweep.tui.model.plan_rows import SPEED, Row, largest, needs, new
 from rover_sweep.tui.model.setup import driven_for
 from rover_sweep.tui.model.state import RunRecord
@@ -83,7 +83,7 @@ class PlanScreen(SessionScreen):
         rows.blank()
         self._sums(rows)
         if plan and plan[min(self.chosen, len(plan) - 1)].settles:
-            rows.sentence(plan[min(self.chosen, len(plan) - 1)].settles, palette.ink, most=2)
+            rows.sentence(plan[min(self.chosen, len(plan) - 1)].settles, palette.ink, most=2, below=8)
         self._proposal(rows)
         return rows.text()
 
@@ -112,13 +112,13 @@ class PlanScreen(SessionScreen):
         elif session.analyses.proposal:
             proposal = session.analyses.proposal
             runs = ", ".join(_times(proposal.count(row)) + _short(row) for row in dict.fromkeys(proposal))
-            rows.sentence(f"PROPOSED (T adds them): {runs}", f"bold {palette.accent}", most=3)
+            rows.sentence(f"PROPOSED (T adds them): {runs}", f"bold {palette.accent}", most=3, below=6)
             for settles in dict.fromkeys(row.settles for row in proposal if row.settles):
-                rows.sentence(settles, palette.accent, most=2)
+                rows.sentence(settles, palette.accent, most=2, below=4)
         if session.analyses.next_step:
-            rows.sentence(f"Next step: {session.analyses.next_step}", palette.accent, most=4)
+            rows.sentence(f"Next step: {session.analyses.next_step}", palette.accent, most=4, below=2)
         for sentence in session.analyses.next_runs[:2]:
-            rows.sentence(f"The diagnosis proposes: {sentence}", palette.accent, most=2)
+            rows.sentence(f"The diagnosis proposes: {sentence}", palette.accent, most=2, below=2)
 
     def action_choose(self, step: int) -> None:
         past = self.chosen >= len(self.session.plan)
@@ -210,7 +210,7 @@ def _frequencies(row: Row) -> str:
 # The checks before a run: state, observed value, and the key that fixes it.
 
 
-_BELOW = 6  # rows for the text on the chosen check
+_BELOW, _LISTED = 6, 8  # least rows for the text on the chosen check, and for the list if the text is long
 
 
 class PreflightScreen(SessionScreen):
@@ -242,14 +242,17 @@ class PreflightScreen(SessionScreen):
     def picture(self, width: int, height: int) -> Text:
         rows, palette = ScreenRows(self.palette, width, height), self.palette
         checks, chosen = self.state.checks, self.index
-        shown = window(len(checks), chosen, height - 2 - _BELOW)
+        name = 12 if width < 110 else 20
+        about = _about(self.check, palette, width, width - name - 18) if self.check else []
+        below = max(_BELOW, min(1 + len(about), height - 2 - min(len(checks), _LISTED)))
+        shown = window(len(checks), chosen, height - 2 - below)
         hidden = f"; {len(checks) - len(shown)} more, ↑ ↓" if len(shown) < len(checks) else ""
         checking = any(isinstance(request, Connect | Fix | Preflight) for request in self.state.asked)
-        old, counted = checking and bool(checks), count_line(checks)
+        old = bool(checks) and (checking or self.session.checks_old)
+        counted = count_line(checks, labels.ago(self.session.checks_age))
         if checking:
             counted = "Checking again; the results below are from before" if old else "Checking"
         rows.add(f" {counted}{hidden}", style=f"bold {palette.ink}")
-        name = 12 if width < 110 else 20
         for n in shown:
             check = checks[n]
             sign, word = labels.CHECKS[check.state]
@@ -264,14 +267,17 @@ class PreflightScreen(SessionScreen):
                     (palette.quiet, palette.quiet) if old else (f"bold {_style(check, palette)}", palette.ink)
                 )
                 rows.add((line[:14], first), (line[14:], rest))
-        rows.down_to(height - _BELOW)
-        if self.check is not None:
-            _about(rows, self.check)
+        rows.down_to(height - below)
+        if about:
+            rows.add("─" * width, style=palette.quiet)
+        for n, (text, style) in enumerate(about[: rows.left]):
+            cut = " …" if n + 1 < len(about) and rows.left == 1 else ""
+            rows.add((f" {text}{cut}", style))
         return rows.text()
 
     def action_choose(self, step: int) -> None:
         if count := len(self.state.checks):
-            self.chosen = (self.index + step) % count
+            self.chosen = moved(self.index, step, count)
             self.redraw()
 
     def action_look(self) -> None:
@@ -295,6 +301,11 @@ class PreflightScreen(SessionScreen):
 
         return answer
 
+    def why_not(self, action: str) -> str:
+        remedy = self.check.remedy if self.check else None
+        by_hand = action == "fix" and remedy is not None and remedy.by_hand
+        return super().why_not(action) or ("this is done by hand, as described above" if by_hand else "")
+
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
         if action == "fix":
             remedy = self.check.remedy if self.check else None
@@ -302,15 +313,18 @@ class PreflightScreen(SessionScreen):
         return action != "look" or (self.state.vehicle is not None and not self.state.busy)
 
 
-def count_line(checks: tuple[Check, ...]) -> str:
-    """Sentence with the number of checks in each state."""
+def count_line(checks: tuple[Check, ...], ago: str = "") -> str:
+    """Sentence with the number of checks in each state. ago: when that was, "" for now."""
     if not checks:
         return "Not checked yet. In view 1, ENTER connects and runs the checks."
     bad = sum(check.state == "bad" for check in checks)
     other = sum(check.state in ("doubtful", "unknown") for check in checks)
     if not bad and not other:
+        if ago:
+            return f"All {len(checks)} checks were good {ago}; R checks again, 3 plans the runs"
         return f"All {len(checks)} checks are good: press 3 to plan the runs"
-    return f"{bad} bad, {other} doubtful or unknown, {len(checks) - bad - other} good"
+    again = f", {ago}: R checks again" if ago else ""
+    return f"{bad} bad, {other} doubtful or unknown, {len(checks) - bad - other} good{again}"
 
 
 def _style(check: Check, palette: Palette) -> str:
@@ -319,14 +333,14 @@ def _style(check: Check, palette: Palette) -> str:
     )
 
 
-def _about(rows: ScreenRows, check: Check) -> None:
-    palette = rows.palette
-    rows.add("─" * rows.width, style=palette.quiet)
-    rows.sentence(check.sentence or f"{check.name.replace('_', ' ')}: {check.seen}", palette.ink, most=2)
-    if check.remedy is None:
-        return
-    if check.remedy.by_hand:
-        rows.sentence(f"BY HAND: {check.remedy.words}", f"bold {palette.accent}", most=3)
-        return
-    after = " (reboots the rover; asks first)" if check.remedy.reboot else ""
-    rows.sentence(f"F: {check.remedy.words}{after}", f"bold {palette.accent}", most=3)
+def _about(check: Check, palette: Palette, width: int, column: int) -> list[tuple[str, str]]:
+    """(row, style) of the text on a check: what was found, if it is cut in its `column`; why; the remedy."""
+    seen = f"{check.name.replace('_', ' ')}: {check.seen}"
+    found = check.sentence if len(check.seen) <= column else f"{seen}. {check.sentence}"
+    parts = [(found or seen, palette.ink)]
+    if check.remedy is not None and check.remedy.by_hand:
+        parts.append((f"BY HAND: {check.remedy.words}", f"bold {palette.accent}"))
+    elif check.remedy is not None:
+        after = " (reboots the rover; asks first)" if check.remedy.reboot else ""
+        parts.append((f"F: {check.remedy.words}{after}", f"bold {palette.accent}"))
+    return [(row, style) for text, style in parts for row in wrapped(text, width - 2)]

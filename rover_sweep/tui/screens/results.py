@@ -19,6 +19,7 @@ from rover_sweep.tui.drawn import (
     column_chart,
     cut_line,
     fixed_width,
+    moved,
     pointer,
     window,
     wrapped,
@@ -82,7 +83,7 @@ class ResultsScreen(SessionScreen):
         """Sentence on the runs that can be analysed, or on what is missing."""
         if self.state.played is not None:
             return f"Identify this recording with: rover-sweep identify {self.state.url} --vehicle rover.toml"
-        whole = [run.name for run in self.state.runs if run.outcome == "done"]
+        whole = [run.label for run in self.state.runs if run.outcome == "done"]
         if not whole:
             return "No complete run yet: nothing to identify."
         if self.session.setup.vehicle_path is None:
@@ -129,7 +130,7 @@ class ResultsScreen(SessionScreen):
             self.session.analyses.stop(self.job)
 
     def action_choose(self, step: int) -> None:
-        self.chosen, self.down = (self.index + step) % max(1, len(self.jobs)), 0
+        self.chosen, self.down = moved(self.index, step, len(self.jobs)), 0
         self.redraw()
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:

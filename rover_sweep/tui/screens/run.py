@@ -72,7 +72,8 @@ class RunScreen(SessionScreen):
         if now.big:
             for line in huge(now.big) if _roomy(rows) else big(now.big):
                 rows.filled(f"  {line}", style)
-        rows.sentence(f"{now.big + ': ' if now.big else ''}{now.sentence}", f"bold {palette.ink}", most=2)
+        words = f"{now.big + ': ' if now.big else ''}{now.sentence}"
+        rows.sentence(words, f"bold {palette.ink}", most=2, below=12)
         if not now.big:
             rows.blank(3)
 
@@ -195,20 +196,20 @@ class VerdictScreen(SessionScreen):
             return rows.blank().sentence("No run was driven yet.", palette.ink).text()
         sign, outcome = labels.OUTCOMES[run.outcome]
         rows.add(
-            f" {run.name}: {labels.manoeuvre(run.manoeuvre)}: {sign} {outcome}", style=f"bold {palette.ink}"
+            f" {run.label}: {labels.manoeuvre(run.manoeuvre)}: {sign} {outcome}", style=f"bold {palette.ink}"
         )
         now = task(self.state)
         if now.urgent and self.state.played is None:  # the verdict comes while the switch is still high
             rows.filled(f" {now.big}: {now.sentence}", palette.asking)
         if run.reason:
-            rows.sentence(run.reason, f"bold {palette.bad}", most=2)
+            rows.sentence(run.reason, f"bold {palette.bad}", most=2, below=9 + _table(run.verdict))
         if run.verdict is None:
             return rows.blank().sentence(_WAITING.get(run.outcome, _NONE), palette.ink).text()
         if self.drawn and run.verdict.curves:
             draw_bode(rows, run.verdict.curves[self.response % len(run.verdict.curves)])
             return rows.text()
         self._advice(rows, run)
-        rows.sentence(self._next(run), f"bold {palette.accent}", most=2)
+        rows.sentence(self._next(run), f"bold {palette.accent}", most=2, below=_table(run.verdict))
         self._bands(rows, run)
         return rows.text()
 
@@ -242,11 +243,12 @@ class VerdictScreen(SessionScreen):
         sign, word = labels.ADVICE[verdict.advice]
         for line in huge(word) if rows.height > 40 else big(word):
             rows.filled(f"  {line}", f"bold {palette.ground} on {style}")
-        rows.sentence(f"{sign} {verdict_sentence(verdict)}", f"bold {palette.ink}", most=3)
+        below = _table(verdict) + 2  # and the next step
+        rows.sentence(f"{sign} {verdict_sentence(verdict)}", f"bold {palette.ink}", most=3, below=below)
         in_table = {f"{band.response}: " for band in verdict.bands}
         remarks = [text for text in verdict.remarks if not text.startswith(tuple(in_table))]
         for remark in remarks[: 2 if rows.height < 30 else 6]:
-            rows.sentence(remark, palette.ink, most=2)
+            rows.sentence(remark, palette.ink, most=2, below=below)
 
     def _bands(self, rows: ScreenRows, run: RunRecord) -> None:
         verdict = run.verdict
@@ -307,12 +309,24 @@ def why_kept(verdict: Verdict) -> str:
     return NOT_FITTED if verdict.advice == "keep" and weak == {"vydot"} else ""
 
 
+def _table(verdict: Verdict | None) -> int:
+    """Rows of the table of a verdict, with its heading and what is around it."""
+    if verdict is None or not (verdict.bands or verdict.per_band):
+        return 0
+    return len(_spans(verdict)) + 2 + bool(why_kept(verdict))
+
+
+def _spans(verdict: Verdict) -> list[tuple[float, float]]:
+    """(low, high) of each row of the table, rad/s."""
+    return sorted(
+        {(b.low, b.high) for b in verdict.bands} | {(low, high) for low, high, _ in verdict.per_band}
+    )
+
+
 def _matrix(rows: ScreenRows, verdict: Verdict) -> None:
     """A row per band, a column per response, and the amplitude [us] needed in the band."""
     responses = tuple(dict.fromkeys(band.response for band in verdict.bands))
-    spans = sorted(
-        {(b.low, b.high) for b in verdict.bands} | {(low, high) for low, high, _ in verdict.per_band}
-    )
+    spans = _spans(verdict)
     there = {(band.response, band.low, band.high): band for band in verdict.bands}
     wanted = {(low, high): us for low, high, us in verdict.per_band}
     wide = rows.width >= 110
