@@ -266,7 +266,8 @@ class SessionApp(App[None]):
         ready = folder is not None and self.setup.vehicle_path is not None
         if kind == "gains":  # from the rover's present parameters, which its log has
             return ready and bool(self.state.logs) and self.analyses.report() is not None
-        return ready and folder is not None and bool(command_inputs(self.state, folder))
+        whole = any(run.outcome == "done" for run in self.state.runs)
+        return ready and whole and folder is not None and bool(command_inputs(self.state, folder))
 
     def analyse(self, kind: str, chosen: AnalysisJob | None = None) -> None:
         """Start the command in the background; gains use the chosen report, if it is one."""

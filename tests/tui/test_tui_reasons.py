@@ -52,8 +52,9 @@ def test_a_key_that_waits_for_the_end_of_a_run_says_so(view: str, key: str) -> N
     ("steps", "key", "said"),
     [
         (("2",), "r", "R: no rover is connected; 1 connects"),
-        ((*READY, "r"), "f", "F: not before this is done: running the checks"),
+        ((*READY, "r"), "f", "F: not while running the checks"),
         ((*READY, *["down"] * 7), "f", "F: this is done by hand, as described above"),
+        ((*READY, "up"), "f", "F: there is nothing to fix at firmware"),
         ((*READY, [snapshot(2.0, state=0)], "6"), "l", "L: not while the rover is armed"),
     ],
 )

@@ -346,7 +346,7 @@ class SessionScreen(Screen[None]):
         if state.under_way:
             return "not during a run"
         if state.asked:
-            return f"not before this is done: {working_on(state.asked[0])}"
+            return f"not while {working_on(state.asked[0])}"
         if action in _OF_A_ROVER and state.played is not None:
             return "this is a recording"
         if action in _OF_A_ROVER and state.vehicle is None:

@@ -289,22 +289,28 @@ class PreflightScreen(SessionScreen):
         if check is None or check.remedy is None or check.remedy.by_hand:
             return
         if not check.remedy.reboot:
-            self.session.ask(Fix(check.name))
+            self._fix(Fix(check.name))
             return
         question = f"{check.remedy.words}\n\nThis reboots the rover. It must stand still and be disarmed."
         self.app.push_screen(Question(question, "fix it and reboot the rover"), self._answered(check.name))
 
+    def _fix(self, request: Fix) -> None:
+        self.chosen = None  # then the next that is not good
+        self.session.ask(request)
+
     def _answered(self, name: str):  # type: ignore[no-untyped-def]
         def answer(yes: bool | None) -> None:
             if yes:
-                self.session.ask(Fix(name, reboot=True))
+                self._fix(Fix(name, reboot=True))
 
         return answer
 
     def why_not(self, action: str) -> str:
-        remedy = self.check.remedy if self.check else None
-        by_hand = action == "fix" and remedy is not None and remedy.by_hand
-        return super().why_not(action) or ("this is done by hand, as described above" if by_hand else "")
+        if (why := super().why_not(action)) or action != "fix" or self.check is None:
+            return why
+        if self.check.remedy is None:
+            return f"there is nothing to fix at {self.check.name.replace('_', ' ')}"
+        return "this is done by hand, as described above"
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
         if action == "fix":
