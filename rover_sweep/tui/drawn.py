@@ -387,7 +387,7 @@ def cut_line(line: str, width: int) -> str:
     return f"{words} …" if len(words) > width - 20 else f"{line[: width - 1]}…"
 
 
-def fitted(text: str, width: int, most: int) -> str:
+def in_rows(text: str, width: int, most: int) -> str:
     """The text in at most `most` rows, each a column in; the last one cut if it is too long."""
     rows = wrapped(text, width - 2)
     kept, rest = rows[: most - 1], rows[most - 1 :]

@@ -18,7 +18,7 @@ from textual.widgets import Static
 
 from rover_sweep.live.source import Connect, DriveRequest, FetchLogs, Fix, Play, Preflight, Request
 from rover_sweep.tui import drawn as labels
-from rover_sweep.tui.drawn import Palette, ScreenRows, cut_line, fitted, harmless, joined
+from rover_sweep.tui.drawn import Palette, ScreenRows, cut_line, harmless, in_rows, joined
 from rover_sweep.tui.model.plan_rows import Task, task
 from rover_sweep.tui.model.state import State
 
@@ -119,13 +119,13 @@ def message(
         work = since + ": ".join(filter(None, (working_on(state.asked[0]), state.doing)))
         return Text(cut_line(f" … {work}", width), f"bold {palette.accent}", no_wrap=True)
     if state.failure:
-        words = fitted(f"✗ {state.failure}", width, most)
+        words = in_rows(f"✗ {state.failure}", width, most)
         return Text(words, f"bold {palette.bad}", no_wrap=True)
     if not (state.messages and last):
         return Text("")
     line = state.messages[-1]
     style = {"warning": palette.doubtful, "error": palette.bad}.get(line.level, palette.quiet)
-    return Text(fitted(f"{LEVELS[line.level]}{line.text}", width, most), style, no_wrap=True)
+    return Text(in_rows(f"{LEVELS[line.level]}{line.text}", width, most), style, no_wrap=True)
 
 
 def _warns(state: State) -> bool:
