@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import csv
 import json
 import os
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from rover_sweep.errors import UsageError
@@ -24,6 +26,7 @@ def test_folder_holds_document_page_pictures_and_models(reports: dict[str, Path]
     assert names(reports["nominal"]) == {
         "identification.json",
         "report.html",
+        "responses.csv",
         "pictures/verification-run4.svg",
         "pictures/models.svg",
         "pictures/errors.svg",
@@ -37,6 +40,19 @@ def test_folder_holds_document_page_pictures_and_models(reports: dict[str, Path]
     }
     told = json.loads((reports["nominal"] / "identification.json").read_text(encoding="utf-8"))
     assert told == json.loads(json.dumps(identification_document(*nominal)))
+
+
+def test_the_measured_responses_are_a_table(reports: dict[str, Path], nominal: Any) -> None:
+    rows = list(csv.DictReader((reports["nominal"] / "responses.csv").read_text().splitlines()))
+    r = nominal.result.groups[0].responses["r"]
+    own = [row for row in rows if row["output"] == "r"]
+    assert {row["output"] for row in rows} == set(nominal.result.groups[0].responses)
+    np.testing.assert_allclose([float(row["w_rad_s"]) for row in own], r.w, rtol=1e-5)
+    np.testing.assert_allclose(
+        [float(row["magnitude_db"]) for row in own], r.magnitude_db, rtol=1e-4, atol=1e-5
+    )
+    usable = [float(row["w_rad_s"]) for row in own if row["usable"] == "1"]
+    assert (usable[0], usable[-1]) == pytest.approx(r.band, rel=0.1)
 
 
 def test_a_rejected_model_is_not_exported(reports: dict[str, Path]) -> None:
@@ -58,9 +74,8 @@ def test_writing_again_removes_what_is_no_longer_true_tells_its_progress_and_kee
     assert "models/bicycle.json" not in found and "pictures/old.svg" not in found and "notes.txt" in found
     shares = [share for share, _ in told]
     assert shares == sorted(shares) and shares[0] == 0 and shares[-1] == 1
-    assert {
-        str(p.relative_to(tmp_path)) for p in (files.document, files.page, *files.pictures, *files.models)
-    } == (found - {"notes.txt"})
+    written = (files.document, files.page, files.responses, *files.pictures, *files.models)
+    assert {str(p.relative_to(tmp_path)) for p in written} == (found - {"notes.txt"})
 
 
 def test_a_write_that_fails_leaves_the_old_file_and_nothing_else(

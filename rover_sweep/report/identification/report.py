@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import csv
+import io
+import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -383,16 +386,36 @@ def _distinct(plans: Iterable[ChartPlan]) -> tuple[ChartPlan, ...]:
     return tuple(out)
 
 
-# The report folder: identification.json, report.html, pictures/*.svg, models/<name>.json.
+# The report folder: identification.json, report.html, responses.csv, pictures/*.svg, models/<name>.json.
+
+
+NAMED = ("speed_m_s", "input", "output", "unit")
+MEASURED = ("w_rad_s", "magnitude_db", "phase_deg", "coherence", "random_error", "usable")
+
+
+def responses_csv(result: Identification) -> str:
+    """The measured responses as CSV, a row for each frequency; random_error is relative, 0 to 1."""
+    out = io.StringIO()
+    rows = csv.writer(out, lineterminator="\n")
+    rows.writerow((*NAMED, *MEASURED))
+    for group in result.groups:
+        for f in (f for found in (group.responses, *group.others.values()) for f in found.values()):
+            low, high = f.band or (math.inf, -math.inf)
+            columns = (f.w, f.magnitude_db, f.phase_deg, f.coherence, f.random_error)
+            for values in zip(*columns, strict=True):
+                head = (f"{group.speed:.4g}", f.input, f.output, f.unit)
+                rows.writerow((*head, *(f"{v:.6g}" for v in values), int(low <= values[0] <= high)))
+    return out.getvalue()
 
 
 @dataclass(frozen=True)
 class ReportFiles:
-    """Paths of the written files: page and pictures for people, document and models for programs."""
+    """Paths of the written files: page, pictures for people; document, responses, models for programs."""
 
     directory: Path
     document: Path
     page: Path
+    responses: Path
     pictures: tuple[Path, ...]
     models: tuple[Path, ...]
 
@@ -419,8 +442,8 @@ def write_report(
     document = identification_report(result, provenance, units, links)
     charts = made_charts(document, lambda share, what: report(0.05 + 0.85 * share, what))
     report(0.95, "report.html")
-    html = in_html(document, charts)
-    files = _write(directory, text, html, {f"{name}.svg": c.svg for name, c in charts.items()}, models)
+    pages = {"report.html": in_html(document, charts), "responses.csv": responses_csv(result)}
+    files = _write(directory, text, pages, {f"{name}.svg": c.svg for name, c in charts.items()}, models)
     report(1.0, "done")
     return files
 
@@ -439,14 +462,18 @@ def _exported(result: Identification, provenance: Provenance) -> dict[str, str]:
 
 
 def _write(
-    directory: Path, document: str, html: str, pictures: Mapping[str, str], models: Mapping[str, str]
+    directory: Path,
+    document: str,
+    pages: Mapping[str, str],
+    pictures: Mapping[str, str],
+    models: Mapping[str, str],
 ) -> ReportFiles:
     remove_file(directory / "identification.json")
     pictures_written = _write_folder(directory / "pictures", "*.svg", pictures)
     models_written = _write_folder(directory / "models", "*.json", models)
-    page = write_file(directory / "report.html", html)
+    page, responses = (write_file(directory / name, content) for name, content in pages.items())
     last = write_file(directory / "identification.json", document)
-    return ReportFiles(directory, last, page, pictures_written, models_written)
+    return ReportFiles(directory, last, page, responses, pictures_written, models_written)
 
 
 def _write_folder(directory: Path, pattern: str, contents: Mapping[str, str]) -> tuple[Path, ...]:
