@@ -26,6 +26,7 @@ from rover_sweep.identification.grouping import MODELS, Group, Settings, grouped
 from rover_sweep.identification.models import bicycle, kinematic, lumped, roll_yaw
 from rover_sweep.identification.state_space import ModelStructure
 from rover_sweep.identification.verdicts import (
+    CANNOT,
     ModelVerdict,
     ReductionStep,
     judge_model,
@@ -426,15 +427,16 @@ def _none_fits(models: Mapping[str, ModelResult]) -> str:
     identified = (n for n in ORDER if n in models and models[n].verdict.level != "not identifiable")
     name = next(identified, "kinematic")
     kind = "model" if name == "lumped" else "physical model"
-    why = f"{name}: {'; '.join(models[name].verdict.sentences[:2])}"
-    return f"no {kind} fits these runs ({why}): use `rover-sweep diagnose` to find what is left out"
+    why = f"{name}, {'; '.join(models[name].verdict.sentences[:2])}"
+    return f"no {kind} fits these runs ({why}); use `rover-sweep diagnose` to find what is left out"
 
 
 def _passed_over(best: str, models: Mapping[str, ModelResult]) -> tuple[str, ...]:
     """A sentence for each more complete physical model that was fitted and is not used."""
     better = [n for n in ORDER[: ORDER.index(best)] if n in models and n in PHYSICAL]
     return tuple(
-        f"the {n} model is {models[n].verdict.level}: {models[n].verdict.sentences[0]}" for n in better
+        f"the {n} model is {models[n].verdict.level}: {models[n].verdict.sentences[0].removeprefix(CANNOT)}"
+        for n in better
     )
 
 
@@ -452,11 +454,12 @@ def _axles_sentence(best: ModelResult) -> tuple[str, ...]:
 def _lumped_sentence(best: str, models: Mapping[str, ModelResult]) -> tuple[str, ...]:
     """A sentence on why a lumped model with a lower cost is not recommended."""
     lumped = models.get("lumped")
-    if best == "lumped" or lumped is None or lumped.fit.average > MUCH_BETTER * models[best].fit.average:
+    if best not in PHYSICAL or lumped is None or lumped.fit.average >= models[best].fit.average:
         return ()
     return (
-        f"the lumped model fits closer (J_ave {lumped.fit.average:.1f}), but is valid at "
-        f"{lumped.fit.speed:.2g} m/s only and its coefficients are not physical properties",
+        f"the lumped model has a lower J_ave ({lumped.fit.average:.1f}), but it is valid at "
+        f"{lumped.fit.speed:.2g} m/s only and its coefficients are not physical properties; the {best} model "
+        "fits well enough, and its parameters hold at other speeds too",
     )
 
 

@@ -25,6 +25,9 @@ class ModelVerdict:
     sentences: tuple[str, ...]
 
 
+CANNOT = "cannot be identified: "
+
+
 def judge_model(
     result: FitResult, physical: bool = True, verification: Sequence[Verification] = ()
 ) -> ModelVerdict:
@@ -44,16 +47,14 @@ def judge_model(
     reasons = [_prediction_sentence(v) for v in failed] + ([_bound_sentence(ended)] if ended else [])
     sentences = [*reasons, _cost_sentence(result.average)]
     if uncertain:
-        sentences.append(
-            "uncertain, above the guidelines (CR 20 %, I 10 %): " + ", ".join(map(_numbers, uncertain))
-        )
+        sentences.append("uncertain (above CR 20 % or I 10 %) are " + ", ".join(map(_numbers, uncertain)))
     if lost and not physical:
         sentences.append(
             "valid for prediction at this speed; single derivatives mean little because they are correlated"
         )
     sentences += _start_sentences(result)
     if lost and physical:
-        first = "cannot be identified: " + ", ".join(map(_numbers, lost))
+        first = CANNOT + ", ".join(map(_numbers, lost))
         return ModelVerdict("not identifiable", (first, *sentences))
     return ModelVerdict("poor" if reasons else _level(result.average), tuple(sentences))
 
@@ -65,12 +66,12 @@ def at_most_acceptable(verdict: ModelVerdict, why: tuple[str, ...]) -> ModelVerd
 
 def _prediction_sentence(v: Verification) -> str:
     tic, j_rms = f"TIC {v.tic:.2f} (guideline <= {TIC_GUIDE:g})", f"J_rms {v.j_rms:.3g} (<= {J_RMS_GUIDE:g})"
-    return f"does not predict {v.run}: {tic}, {j_rms}"
+    return f"does not predict {v.run}, with {tic} and {j_rms}"
 
 
 def _bound_sentence(ended: Sequence[Estimate]) -> str:
     values = ", ".join(f"{e.name} {e.value:.3g} {e.unit}" for e in ended)
-    return f"at the bound of what the fit may try, so not a result: {values}"
+    return f"{values} at the bound of what the fit may try, so not a result"
 
 
 def _start_sentences(result: FitResult) -> list[str]:
@@ -79,12 +80,12 @@ def _start_sentences(result: FitResult) -> list[str]:
     if result.spread > SAME:
         far = f"{100 * result.spread:.0f} %"
         sentences.append(
-            f"not unique: another start reaches the same cost with {result.spread_in} {far} different"
+            f"not unique, since another start reaches the same cost with {result.spread_in} {far} different"
         )
     if result.rivals:
         sentences.append(
             f"{len(result.rivals)} of {result.starts} starts end in another minimum at a higher cost (J_ave "
-            f"{result.rivals[0]:.1f} or more): check the starting values and bounds"
+            f"{result.rivals[0]:.1f} or more); check the starting values and bounds"
         )
     return sentences
 
@@ -113,7 +114,7 @@ def _cost_sentence(average: float) -> str:
         "acceptable": f"acceptable (guideline <= {J_ACCEPTABLE:g})",
         "poor": f"a poor fit (guideline <= {J_ACCEPTABLE:g})",
     }[_level(average)]
-    return f"J_ave {average:.1f}: {level}"
+    return f"J_ave {average:.1f}, {level}"
 
 
 def kinematic_suffices(costs: Mapping[str, Mapping[str, float]]) -> str | None:

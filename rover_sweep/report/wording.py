@@ -27,10 +27,10 @@ from rover_sweep.files.documents import within_json
 OUTPUT_NAMES = {
     "r": "yaw rate r",
     "ay": "lateral acceleration a_y",
-    "vydot": "lateral velocity rate V̇_y",
+    "vydot": "lateral velocity rate vydot",
     "p": "roll rate p",
 }
-SHORT_NAMES = {"r": "r", "ay": "a_y", "vydot": "V̇_y", "p": "p"}
+SHORT_NAMES = {"r": "r", "ay": "a_y", "vydot": "vydot", "p": "p"}
 SYMBOLS = {
     "C": "Cf = Cr",
     "tau": "τ",

@@ -258,12 +258,12 @@ def _why_inertia(study: Study, true: float) -> str:
     prompt = study.counterfactuals.prompt["Izz"].value / true - 1
     now = known.value / true - 1
     words = (
-        f"V̇_y comes from the estimator, whose velocity over ground lags by "
+        f"vydot comes from the estimator, whose velocity over ground lags by "
         f"{ms(study.runs.asphalt.velocity_lag)}; in a turn V_y lacks this lag times V r. The roll-yaw fit "
         f"(filters known) is off by {signed_percent(now)}, and by {signed_percent(prompt)} with the lag "
         "removed from the measured response"
     )
-    bounds = f"{number(known.cr_percent, 2)} % with V̇_y, {number(default.cr_percent, 2)} % without"
+    bounds = f"{number(known.cr_percent, 2)} % with vydot, {number(default.cr_percent, 2)} % without"
     if abs(prompt) < 0.5 * abs(now):
         return f"{words}, so this lag causes most of the error. The Cramer-Rao bound misses it ({bounds})."
     return f"{words}, so this lag is not the cause. The Cramer-Rao bound is {bounds}."
@@ -327,7 +327,7 @@ def _gyro_words(study: Study, known: float) -> str:
     return (
         f"The gyro's {firmware.gyro_filter_hz:g} Hz low-pass, {ms(gyro)} of lag in r and p, causes "
         f"{ms(alone)} of that alone: the same τ also serves a_y ({firmware.accel_filter_hz:g} Hz, "
-        f"{ms(accelerometer)}) and V̇_y (none)."
+        f"{ms(accelerometer)}) and vydot (none)."
     )
 
 
@@ -398,13 +398,13 @@ def coherence_finding(study: Study) -> StudyFinding:
     text = f"Coherence of at least 0.6 here: {words} rad/s."
     if not as_wide["vydot"]:
         text += (
-            " V̇_y falls short: with the published numbers V_y is only "
+            " vydot falls short: with the published numbers V_y is only "
             f"{number(_steady_sideslip(study), 2)} m times r in a steady turn at "
             f"{study.known.group.speed:.1f} m/s (b - m a V²/(C L)), so at low frequency the road and "
             "the errors of the estimator exceed the response to the steering. The fits still use the paper's "
             "band, with the low weight of its coherence."
         )
-    claim = "Usable from 0.2 (r, a_y), 0.6 (p) and 3 rad/s (V̇_y) up to 20 or 25 rad/s (section 5)."
+    claim = "Usable from 0.2 (r, a_y), 0.6 (p) and 3 rad/s (vydot) up to 20 or 25 rad/s (section 5)."
     return StudyFinding("bands", claim, agreement(*as_wide.values()), text)
 
 

@@ -179,7 +179,7 @@ _KNOWN = "the sensors' known filters in the models' outputs"
 _PRACTICES = (
     ("paper", "as in the paper", "four responses, the sensors' filters ignored", False, OUTPUTS),
     ("known", "filters known", f"four responses, {_KNOWN}", True, OUTPUTS),
-    ("default", "without V̇_y", f"r, a_y and p, {_KNOWN}: this tool's default", True, ("r", "ay", "p")),
+    ("default", "without vydot", f"r, a_y and p, {_KNOWN}: this tool's default", True, ("r", "ay", "p")),
 )
 
 

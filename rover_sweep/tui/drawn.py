@@ -109,7 +109,7 @@ OUTCOMES = {
     "stopped": ("✗", "stopped"),
     "failed": ("✗", "failed"),
 }
-RESPONSES = {"r": "yaw rate", "ay": "lateral acc.", "vydot": "V_y rate", "p": "roll rate"}
+RESPONSES = {"r": "yaw rate", "ay": "lateral acc.", "vydot": "vydot", "p": "roll rate"}
 
 
 def mode_label(custom_mode: int) -> str:

@@ -106,12 +106,19 @@ def _entries(before: PlantParameters, after: PlantParameters, d: Difference) -> 
         one, two = getattr(before, name), getattr(after, name)
         if name != "effects" and one != two:
             yield Correction(
-                name, number_text(one), number_text(two), _in_plant(name, two, d) or shown, _why(d)
+                name,
+                number_text(one),
+                number_text(two),
+                _in_plant(name, two, d) or shown,
+                _why(d),
+                unit_of(name),
             )
     for name in {**before.effects, **after.effects}:
         one, two = before.effects.get(name), after.effects.get(name)
         if one != two:
-            yield Correction(f"effects.{name}", _entry_text(one), _entry_text(two), shown, _why(d))
+            rules = PARAMETERS[name]
+            units = ", ".join(rules[p].unit.strip() or "-" for p in two or one or {} if p in rules)
+            yield Correction(f"effects.{name}", _entry_text(one), _entry_text(two), shown, _why(d), units)
 
 
 def _why(d: Difference) -> str:
@@ -142,6 +149,31 @@ def _in_plant(name: str, value: object, d: Difference) -> str:
 
 def _each(d: Difference) -> str:
     return "; ".join(f"{v.name} {value_text(v)}" for v in d.recordings)
+
+
+UNITS = {
+    "mass sprung_mass": "kg",
+    "cg_to_front_axle cg_to_rear_axle cg_height_above_roll_centre road_length imu_position": "m",
+    "yaw_inertia roll_inertia roll_yaw_inertia": "kg m^2",
+    "roll_stiffness": "N m/rad",
+    "roll_damping": "N m s/rad",
+    "front_cornering_stiffness rear_cornering_stiffness": "N/rad",
+    "steering_trim_us throttle_trim_us throttle_deadband_us throttle_lost_us": "us",
+    "rad_per_us": "rad/us",
+    "steering_limit": "rad",
+    "servo_rate_limit gyro_bias": "rad/s",
+    "servo_lag servo_delay speed_lag throttle_delay velocity_lag gps_interval gps_lag": "s",
+    "speed_per_us": "m/s per us",
+    "drive_force_limit": "N",
+    "road_force": "N s/m",
+    "road_yaw_moment road_roll_moment": "N s",
+    "accel_bias": "m/s^2",
+}  # {numbers of a variant file: their unit}
+
+
+def unit_of(name: str) -> str:
+    """The unit of a number of a variant file, "-" for none."""
+    return next((unit for names, unit in UNITS.items() if name in names.split()), "-")
 
 
 def number_text(value: object) -> str:

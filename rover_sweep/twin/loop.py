@@ -31,7 +31,7 @@ from rover_sweep.redrive.recorded_course import (
     on_the_clock,
     refuse_instant,
 )
-from rover_sweep.twin.correct import NOT_IN_THE_PLANT, Corrected, corrected, halved, number_text
+from rover_sweep.twin.correct import NOT_IN_THE_PLANT, Corrected, corrected, halved, number_text, unit_of
 from sitl.plant.effects_table import FORMS
 from sitl.plant.variant import PlantParameters, load_variant
 from sitl.plant.variant_text import law_text, value_text
@@ -95,7 +95,8 @@ def _entry(
 ) -> Correction:
     before, after = number_text(getattr(rover, name)), number_text(getattr(new, name))
     in_file = getattr(vehicle, name, None) is not None or getattr(scaled, name) != getattr(new, name)
-    return Correction(name, before, after, after if in_file else "", MEASURED if in_file else GROWN)
+    reason = MEASURED if in_file else GROWN
+    return Correction(name, before, after, after if in_file else "", reason, unit_of(name))
 
 
 @dataclass(frozen=True, eq=False)

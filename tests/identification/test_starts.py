@@ -60,7 +60,7 @@ def test_two_equal_minima_are_told(text: str, true: dict[str, float], name: str)
     assert found.average < 1e-6
     assert found.starts == 4 and found.spread > 0.5
     words = judge_model(found).sentences
-    assert any("not unique: another start reaches the same cost" in s for s in words)
+    assert any("not unique, since another start reaches the same cost" in s for s in words)
     if name == "k":
         assert found.spread_in == "k" and found.spread == pytest.approx(2.0, rel=1e-3)
 

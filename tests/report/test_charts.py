@@ -15,8 +15,17 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from rover_sweep.report.charts.chart import Chart, Curve, Panel, Spread, Stack, kept_points, ticks
-from rover_sweep.report.charts.static_svg import chart_json, page_script, svg
+from rover_sweep.report.charts.chart import (
+    CHANNEL_WORDS,
+    Chart,
+    Curve,
+    Panel,
+    Spread,
+    Stack,
+    kept_points,
+    ticks,
+)
+from rover_sweep.report.charts.static_svg import chart_json, page_script, page_styles, svg
 from rover_sweep.report.document import charts_of
 from rover_sweep.report.identification.report import identification_report
 
@@ -134,3 +143,15 @@ def test_the_script_runs_and_unpacks_the_numbers(tmp_path: Path) -> None:
     done = subprocess.run(["node", str(script)], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr[-500:]
     assert json.loads(done.stdout) == [[0.5, None, 2], [0.5, 1, 2, 5, 10, 20]]
+
+
+def test_every_panel_has_its_own_x_labels_and_room_for_its_name() -> None:
+    stack = chart().stacks[0]
+    text = svg(Chart((replace(stack, panels=stack.panels * 3),)))
+    assert text.count('text-anchor="middle" fill="#555555" font-size="11">2</text>') == 3
+    assert "last ? v.map" not in page_script()
+    assert all(6.3 * len(CHANNEL_WORDS[c]) < Panel.height for c in ("vy", "vydot"))
+
+
+def test_a_legend_without_values_has_no_colons() -> None:
+    assert ".chart .u-legend.u-live th::after { content: none; }" in page_styles()

@@ -86,7 +86,7 @@ def test_cost_table_puts_what_was_not_fitted_in_brackets(nominal: Any) -> None:
     models = nominal.result.models
     table = cost_table(nominal.result)
     assert table.headings == ("response", "Kinematic", "Bicycle", "Roll-yaw", "Lumped")
-    vydot = rows(table)["lateral velocity rate V̇_y / δ"]
+    vydot = rows(table)["lateral velocity rate vydot / δ"]
     assert vydot[0] == "n/a" and vydot[2] == f"({models['roll-yaw'].costs['vydot']:.1f})"
     assert rows(table)["J_ave, fitted"][2] == f"{models['roll-yaw'].fit.average:.1f}"
     assert rows(table)["J_ave, all responses"][2] == f"{models['roll-yaw'].average_all:.1f}"

@@ -122,7 +122,7 @@ JOBS = (
         seconds=15.2,
         page=Path("session/report/report.html"),
         summary=(
-            "use the roll-yaw model: J_ave 6.2: hardly distinguishable from the data (guideline <= 50)",
+            "use the roll-yaw model: J_ave 6.2, hardly distinguishable from the data (guideline <= 50)",
             "roll-yaw (recommended): C 30.4 N/rad, Izz 0.0684 kg m^2, tau 0.0438 s",
         ),
     ),

@@ -52,7 +52,7 @@ def test_a_relative_number_is_multiplied():
     (entry,) = done.corrections
     assert (entry.entry, entry.before) == ("yaw_inertia", "0.071")
     assert entry.recordings == "0.0852 (0.0767 to 0.0937)"  # 90 to 110 % of 0.0852
-    assert entry.reason == "Izz: another number"
+    assert (entry.reason, entry.unit) == ("Izz: another number", "kg m^2")
 
 
 def test_both_axles_are_multiplied_by_c():

@@ -114,8 +114,8 @@ CHANNEL_WORDS = {
     "ay": "lateral acc. a_y, m/s²",
     "p": "roll rate p, deg/s",
     "speed": "speed V, m/s",
-    "vy": "lateral velocity V_y, m/s",
-    "vydot": "lateral velocity rate V̇_y, m/s²",
+    "vy": "V_y, m/s",
+    "vydot": "vydot, m/s²",
     "phi": "roll angle, deg",
     "psi": "heading, deg",
     "throttle": "throttle output, µs",
@@ -125,8 +125,8 @@ RESPONSE_WORDS = {
     "r": "yaw rate r",
     "ay": "lateral acceleration a_y",
     "p": "roll rate p",
-    "vydot": "lateral velocity rate",
-    "vy": "lateral velocity",
+    "vydot": "lateral velocity rate vydot",
+    "vy": "lateral velocity V_y",
 }
 
 

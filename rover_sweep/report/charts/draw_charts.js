@@ -72,7 +72,7 @@
     const [low, high] = stack.span;
     const whole = (a, b) => a <= low + 1e-6 * (high - low) && b >= high - 1e-6 * (high - low);
     return {
-      width: width, height: panel.height + (last ? 46 : 18), series: series, bands: bands,
+      width: width, height: panel.height + 46, series: series, bands: bands,
       scales: {
         x: { time: false, distr: log ? 3 : 1, range: (u, a, b) => u.asked || [low, high] },
         y: { range: (u, a, b) => {
@@ -83,9 +83,9 @@
         } },
       },
       axes: [
-        { show: true, size: last ? 30 : 8, gap: 2, ticks: { size: 4 }, stroke: "#444", font: "12px system-ui",
+        { show: true, size: 30, gap: 2, ticks: { size: 4 }, stroke: "#444", font: "12px system-ui",
           splits: log ? (u, i, a, b) => decades(a, b) : names ? () => stack.labels.map((_, k) => k) : undefined, filter: (u, s) => s, space: 45,
-          values: (u, v) => last ? v.map(x => dates ? day(x).slice(5) : across(x)) : v.map(() => "") },
+          values: (u, v) => v.map(x => dates ? day(x).slice(5) : across(x)) },
         { size: 52, gap: 2, label: panel.label, labelSize: 18, labelGap: 0, stroke: "#444", space: 24, ticks: { size: 4 },
           font: "12px system-ui", labelFont: "12px system-ui", values: (u, v) => v.map(words) },
       ],

@@ -30,7 +30,7 @@ from rover_sweep.report.charts.chart import (
 )
 
 POINTS = 1000  # of a line or an area, about one for each px
-LEFT, RIGHT, TITLE, KEY, FOOT, GAP = 58, 8, 22, 18, 38, 9  # px around the panels of a stack
+LEFT, RIGHT, TITLE, KEY, FOOT, GAP = 58, 8, 22, 18, 31, 22  # px around the panels of a stack
 BOLD = 7.0  # px of a character of a title, on average
 LINE = 16  # px from one line of a title to the next
 TITLED = ' font-weight="600" fill="#111"'
@@ -71,12 +71,11 @@ def _height(stack: Stack) -> float:
 def _stack(stack: Stack, width: float) -> Iterator[str]:
     yield from _key(stack, width)
     top = TITLE + KEY
-    for k, panel in enumerate(stack.panels):
-        last = k == len(stack.panels) - 1
-        yield from _panel(stack, panel, (LEFT, top, width - LEFT - RIGHT), last)
+    for panel in stack.panels:
+        yield from _panel(stack, panel, (LEFT, top, width - LEFT - RIGHT))
         top += panel.height + GAP
     middle = LEFT + (width - LEFT - RIGHT) / 2
-    yield _text(middle, top + 26, stack.x_label, f' text-anchor="middle" fill="{SOFT}"')
+    yield _text(middle, top + 13, stack.x_label, f' text-anchor="middle" fill="{SOFT}"')
 
 
 def _key(stack: Stack, width: float) -> Iterator[str]:
@@ -98,7 +97,7 @@ def _key(stack: Stack, width: float) -> Iterator[str]:
         x += long + 8
 
 
-def _panel(stack: Stack, panel: Panel, box: tuple[float, float, float], last: bool) -> Iterator[str]:
+def _panel(stack: Stack, panel: Panel, box: tuple[float, float, float]) -> Iterator[str]:
     left, top, width = box
     low, high = shown_limits(panel)
     bottom = top + panel.height
@@ -142,7 +141,7 @@ def _panel(stack: Stack, panel: Panel, box: tuple[float, float, float], last: bo
     small = f' fill="{SOFT}" font-size="11"'
     for value, label in up_ticks:
         yield _text(left - 4, float(down(np.array(value))) + 4, label, f' text-anchor="end"{small}')
-    for value, label in across_ticks if last else ():
+    for value, label in across_ticks:
         yield _text(float(across(np.array(value))), bottom + 14, label, f' text-anchor="middle"{small}')
     middle = top + panel.height / 2
     yield _text(

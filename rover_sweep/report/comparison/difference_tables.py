@@ -118,14 +118,15 @@ def correction_table(corrections: Sequence[Correction], level: Level) -> Table:
         (
             Cell(c.entry.removeprefix("effects."), "strong"),
             Cell(c.before or "–"),
-            Cell(c.recordings.replace(" to ", "–") or "–"),
+            Cell(c.recordings or "–"),
             Cell(c.after or "–", "strong"),
+            Cell(unit(c.unit)),
             *((Cell(c.reason),) if reasons else ()),
         )
         for c in corrections
     )
-    headings = ("entry", "before", "recorded (90 %)", "after", *(("what it is",) if reasons else ()))
-    return Table("What was corrected in the simulated rover", headings, rows, text_columns=5, level=level)
+    headings = ("entry", "before", "recorded (90 %)", "after", "unit", *(("what it is",) if reasons else ()))
+    return Table("What was corrected in the simulated rover", headings, rows, text_columns=6, level=level)
 
 
 def rounds_table(rounds: Sequence[TwinDrive]) -> Table:

@@ -150,7 +150,7 @@ def _tall(height: int) -> int:
 
 
 _NONE = "This run has no verdict."
-NOT_FITTED = "Weak bands of the V_y rate do not count: the models are not fitted to it."
+NOT_FITTED = "Weak bands of vydot do not count: the models are not fitted to it."
 _WAITING = {
     "asked": "The run has not started.",
     "running": "The run is in progress; the verdict follows right after it.",
