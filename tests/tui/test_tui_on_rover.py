@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import re
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -54,7 +55,8 @@ async def driven(person: Person, name: str) -> None:
         seen = await person.when(lambda: _judged(person.screen, name), f"the verdict on {name}", seconds=120)
         if not _busy(person.screen):
             break
-    await person.until(f"{name}: ", "complete", "KEEP")
+    await person.when(lambda: _titled(person.screen, name), f"{name} as the title")
+    await person.until("complete", "KEEP")
     took = seen - person.when_told(RunFinished)
     print(f"{name}: its verdict stood on the screen {took:.2f} s after its end")
     assert took < VERDICT_WITHIN
@@ -62,7 +64,12 @@ async def driven(person: Person, name: str) -> None:
 
 def _judged(screen: str, name: str) -> bool:
     over = "complete" in screen and "KEEP" in screen
-    return "[5 VERDICT]" in screen and f"{name}: " in screen and (over or _busy(screen))
+    return "[5 VERDICT]" in screen and _titled(screen, name) and (over or _busy(screen))
+
+
+def _titled(screen: str, name: str) -> bool:
+    """Whether the verdict is that of the run; a repeat has a number."""
+    return re.search(rf"^ {name}(-\d+)?: ", screen, re.MULTILINE) is not None
 
 
 def _busy(screen: str) -> bool:
