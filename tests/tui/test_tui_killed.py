@@ -65,7 +65,7 @@ def test_killed_in_mid_sweep_it_goes_on_where_it_was(rover: launcher.Running, tm
         again.press("3")
         again.until("[3 PLAN]", "▶ sweep2", "doublet1", "2 runs")
         driven(again, "sweep2")
-        again.until("[5 VERDICT]", "sweep2: ", "✓ complete", "KEEP", "Next: doublet1")
+        again.until("[5 VERDICT]", "sweep2-2: ", "✓ complete", "KEEP", "Next: doublet1")
         again.press("q")
         assert again.program.wait(20) == 0
 
