@@ -179,6 +179,7 @@ def ordinal(k: int) -> str:
 
 
 WINDS = ("north", "north-west", "west", "south-west", "south", "south-east", "east", "north-east")
+COMPASS = ("N", "NE", "E", "SE", "S", "SW", "W", "NW")
 SLOW = 1.0  # rad/s, highest frequency in the picture over headings
 
 
@@ -272,7 +273,7 @@ def by_heading(problem: Problem, rows: Array, channel: str) -> Iterator[Mismatch
         f"{channel_name(channel)} differs with the heading by {noise_ratio(found.ratio)}: most to the left "
         f"when the rover heads {across}, and to the right in the opposite direction"
     )
-    profile = _by_octant(problem, rows, channel)
+    profile = _by_octant(problem, found)
     yield Mismatch(channel, (0.0, SLOW), f"heading {across}", found.ratio, sentence, profile)
 
 
@@ -311,21 +312,14 @@ def _of_the_motion(run: Experiment) -> dict[str, Array]:
     }
 
 
-def _by_octant(problem: Problem, rows: Array, channel: str) -> Profile:
-    """RMS over noise of the residual's slow part over eight headings."""
-    power, noise = np.zeros(8), np.zeros(8)
-    for e in residuals_of(problem, rows, channel):
-        lines = np.fft.rfft(e.x)
-        w = 2 * np.pi * np.arange(lines.size) * RATE / e.x.size
-        x = np.fft.irfft(np.where(w <= SLOW, lines, 0.0), e.x.size)
-        octant = np.round(e.run.heading / (np.pi / 4)).astype(int) % 8
-        inside = w[(w >= e.low) & (w <= e.high)]
-        np.add.at(power, octant, x**2)
-        np.add.at(noise, octant, e.noise * np.mean(inside <= SLOW))
-    known = np.flatnonzero(noise > 0.01 * noise.sum())
-    ratio = np.sqrt(power[known] / noise[known])
-    names = tuple("".join(word[0] for word in WINDS[k].split("-")).upper() for k in known)
-    return Profile("heading", "", names, tuple(map(float, ratio)))
+def _by_octant(problem: Problem, found: SignalFit) -> Profile:
+    """The fitted part over noise, left positive, for eight headings clockwise from N; 0 where not driven."""
+    headings = np.concatenate([run.heading for run in problem.runs])
+    driven = np.unique(np.round(headings / (np.pi / 4)).astype(int) % 8)
+    turned = -np.arange(8) * np.pi / 4  # the heading is left positive
+    part = np.array([np.cos(turned), np.sin(turned)]).T @ (found.amounts / np.hypot(*found.amounts))
+    ratio = np.where(np.isin(-np.arange(8) % 8, driven), found.ratio * part, 0.0)
+    return Profile("heading", "", COMPASS, tuple(map(float, ratio)))
 
 
 # Location by the cycles of a sweep's steering: harmonics, and the part of a run that differs from others.

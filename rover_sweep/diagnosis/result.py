@@ -24,7 +24,8 @@ class Profile(PlainNumbers):
     """The residual over one quantity, for a small picture.
 
     over: the quantity ("frequency", "amplitude", "speed", "time", "heading", "turn", "harmonic", "run");
-    unit: its unit, "" for words. x: (n,) values, or words such as "left"; ratio: (n,) rms over noise.
+    unit: its unit, "" for words. x: (n,) values, or words such as "left"; ratio: (n,) rms over noise, of
+    "heading" the fitted part over noise, positive to the left.
     """
 
     over: str
@@ -233,13 +234,17 @@ class Unseen(PlainNumbers):
     material: bool = True
 
 
-def largest_hidden(unseen: Sequence[Unseen], number: int = 5) -> list[Unseen]:
-    """The bounded effects that would change r or a_y most at their bounds, the largest change first.
+NOTICED = 0.05  # of r or a_y: from there, a turn or a gain is noticeably another
 
-    Those whose bound is within the normal tolerance are left out.
-    """
-    bounded = [u for u in unseen if u.up_to and u.material and u.change is not None]
-    return sorted(bounded, key=lambda u: -(u.change or 0.0))[:number]
+
+def changes_turns(u: Unseen) -> bool:
+    """Whether the effect, at the size that is not excluded, would noticeably change turns and gains."""
+    return bool(u.up_to) and u.material and (u.change or 0.0) >= NOTICED
+
+
+def largest_hidden(unseen: Sequence[Unseen], number: int = 5) -> list[Unseen]:
+    """The effects that could still change turns noticeably, the largest change of r or a_y first."""
+    return sorted(filter(changes_turns, unseen), key=lambda u: -(u.change or 0.0))[:number]
 
 
 @dataclass(frozen=True)

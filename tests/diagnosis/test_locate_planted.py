@@ -104,6 +104,9 @@ def test_a_slope_is_reported_by_the_heading() -> None:
 
     (found,) = over(located(slope), "heading")
     assert found.channel == "ay" and found.condition == "heading west"
+    assert found.profile.x == ("N", "NE", "E", "SE", "S", "SW", "W", "NW")
+    bars = dict(zip(found.profile.x, found.profile.ratio, strict=True))
+    assert max(bars, key=bars.get) == "W" and bars["E"] == pytest.approx(-bars["W"])  # as the sentence says
 
 
 def test_the_list_is_short_and_begins_with_the_largest() -> None:

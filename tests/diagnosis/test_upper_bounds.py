@@ -98,6 +98,7 @@ def test_the_most_important_are_material_and_change_the_motion_most() -> None:
         Unseen("b", "", up_to, 0.3),
         Unseen("c", "", up_to, 0.9, material=False),
         Unseen("d", "no channel"),
+        Unseen("e", "", up_to, 0.04),
     ]
     assert [u.effect for u in largest_hidden(some)] == ["b", "a"]
     assert [u.effect for u in largest_hidden(some, 1)] == ["b"]

@@ -168,8 +168,6 @@ def test_the_standstill_is_counted_down() -> None:
 
 def test_a_kept_run_with_a_weak_lateral_velocity_says_why() -> None:
     good, weak = CoherenceBand("r", 1, 2, 0.9, "good"), CoherenceBand("vydot", 1, 2, 0.4, "weak")
-    assert why_kept(Verdict("sweep1", "keep", "keep", (good, weak), 150.0)).startswith(
-        "Weak bands of vydot"
-    )
+    assert why_kept(Verdict("sweep1", "keep", "keep", (good, weak), 150.0)).startswith("Weak bands of vydot")
     assert why_kept(Verdict("sweep1", "repeat", "repeat", (good, weak), 150.0)) == ""
     assert why_kept(Verdict("sweep1", "keep", "keep", (good,), 150.0)) == ""

@@ -363,6 +363,8 @@ def possible(
             continue
         if only and effect.id not in only:
             continue
+        if effect.id in DEGREES_OF_FREEDOM and model.baseline not in effect.baselines:
+            continue  # the model has it already
         why = why_unseen(effect, model, runs)
         if why:
             unseen[effect.id] = why
@@ -376,10 +378,7 @@ def why_unseen(effect: Effect, model: Model, runs: Sequence[Experiment]) -> str:
     recorded = {c for run in runs for c in run.measured}
     has = "roll-yaw" if model.slip and model.roll else "bicycle" if model.slip else "kinematic"
     has = "lumped" if model.lumped else has
-    if effect.id in DEGREES_OF_FREEDOM:
-        if model.baseline not in effect.baselines:
-            return "the lumped derivatives include it" if model.lumped else "the baseline includes it"
-    elif has not in effect.baselines:
+    if effect.id not in DEGREES_OF_FREEDOM and has not in effect.baselines:
         return f"acts in {' or '.join(effect.baselines)} models, the baseline is {has}"
     if not recorded & set(effect.channels):
         return f"none of {', '.join(effect.channels)} was recorded"

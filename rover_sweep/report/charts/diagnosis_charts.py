@@ -209,6 +209,7 @@ def _levelled(m: Mismatch, across: Stack, x: Array, lines: tuple[Curve, ...]) ->
     seen = np.concatenate([line.y[np.isfinite(line.y)] for line in lines])
     low, high = float(seen.min(initial=0.0)), float(seen.max(initial=1.0))
     words = "mean / its uncertainty" if m.condition == "steady" else "residual / noise"
+    words = "fitted, to the left / noise" if m.condition.startswith("heading ") else words
     levels = (-1.0, 1.0) if low < 0 else (1.0,)
     limits = (1.08 * low, 1.08 * high)
     return replace(

@@ -103,7 +103,7 @@ def diagnosis_report(found: Diagnosis, origin: DiagnosisOrigin | None = None) ->
             _findings(found),
             Section("The rover as curves", _curves(found), "curves"),
             _unknown(found.unknown, found.sentence),
-            Section("What could still hide in these runs", some(bound_table(found)), "bounds", level="page"),
+            _hidden(found),
             _candidates(found),
             _origin(found, made),
         ),
@@ -123,6 +123,15 @@ def _answer(found: Diagnosis) -> tuple[Part, ...]:
         *(Sentence(words, level="page") for words in (*alike, unknown)),
         Sentence(f"Could still hide (95 %): {hiding}." if hiding else ""),
     )
+
+
+def _hidden(found: Diagnosis) -> Section:
+    rest = some(bound_table(found, noticed=False))
+    parts = (
+        *some(bound_table(found, noticed=True)),
+        *((Section("The other effects", rest, folded="closed"),) if rest else ()),
+    )
+    return Section("What could still hide in these runs", parts, "bounds", level="full")
 
 
 def _held_out(found: Diagnosis) -> Section:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from rover_sweep.data.results import Quantity, ends_words, number
-from rover_sweep.diagnosis.result import Diagnosis, Finding, HeldOut, Unknown
+from rover_sweep.diagnosis.result import Diagnosis, Finding, HeldOut, Unknown, changes_turns
 from rover_sweep.report.document import Cell, Table, Tone
 from rover_sweep.report.wording import (
     SHORT_NAMES,
@@ -30,7 +30,8 @@ FLOOR = (
 
 BOUNDS = (
     "could be: these runs do not exclude this size at 95 %. matters: smaller is normal tolerance. change: of "
-    "r or a_y in these runs (rms) from normal tolerance to that size, without refitting the model."
+    "r or a_y in these runs (rms) from normal tolerance to that size, without refitting the model; from 5 % "
+    "it is noticed in turns and gains."
 )
 
 
@@ -166,16 +167,20 @@ def unseen_table(found: Diagnosis) -> Table | None:
     return Table("Effects that these runs cannot detect", ("effect", "why"), rows, text_columns=2)
 
 
-def bound_table(found: Diagnosis) -> Table | None:
-    """The size up to which each effect that was not found could be there; None for none."""
-    bounded = sorted((u for u in found.cannot_see if u.up_to), key=lambda u: -(u.change or 0.0))
+def bound_table(found: Diagnosis, noticed: bool) -> Table | None:
+    """The size up to which each effect that was not found could be there; None for none.
+
+    noticed: those that would change turns noticeably, or else the others.
+    """
+    chosen = (u for u in found.cannot_see if u.up_to and changes_turns(u) == noticed)
+    bounded = sorted(chosen, key=lambda u: -(u.change or 0.0))
     if not bounded:
         return None
     rows: list[tuple[Cell, ...]] = []
     for u in bounded:
         for k, (name, bound) in enumerate(u.up_to.items()):
             of_effect = (u.effect, _changed(u.change)) if k == 0 else ("", "")
-            size = Cell(range_words(bound), "warn" if u.material and k == 0 else "")
+            size = Cell(range_words(bound), "warn" if noticed and k == 0 else "")
             matters = Cell(number(bound.matters, 2))
             rows.append(
                 (
@@ -188,7 +193,8 @@ def bound_table(found: Diagnosis) -> Table | None:
                 )
             )
     headings = ("effect", "", "could be", "matters", "unit", "change")
-    return Table("What could still hide in these runs", headings, tuple(rows), BOUNDS, 2)
+    words = f"{'Would' if noticed else 'Would not'} noticeably change turns and gains"
+    return Table(words, headings, tuple(rows), BOUNDS, 2)
 
 
 def _changed(share: float | None) -> str:
