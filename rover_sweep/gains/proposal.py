@@ -27,6 +27,7 @@ from rover_sweep.gains.tuning import (
     margins,
     speeds_around,
     unbounded,
+    why_none,
 )
 
 # Whether an identification supports gains, with the reasons as sentences.
@@ -35,6 +36,7 @@ from rover_sweep.gains.tuning import (
 Level = Literal["gains", "feed-forward only", "none"]
 LEAST_CROSSOVER = 0.5  # rad/s: a slower loop needs more than 2 s to correct an error; a pilot is faster
 SLOW_GYRO_HZ = 10.0  # below this the filter's lag exceeds 22 ms, as much as a servo's
+SLOWER = (0.9, 0.8, 0.7, 0.6, 0.5)  # of the design speed, where gains are looked for if it has none
 FULL_TRAVEL = 0.98  # of the servo's travel: a run with this amplitude reached the stops
 
 
@@ -223,6 +225,8 @@ def propose_gains(
     now = assess_gains(family, autopilot.gains)
     made = _supported_gains(support, family, unbounded(autopilot.gains))
     judged = assess_gains(family, made) if made else None
+    if judged is None and support.level == "gains":
+        support = replace(support, level="none", reasons=(_why_no_gains(found, family, at),))
     support, judged = _with_design_check(found, support, judged)
     if judged is not None and not at_once:
         support, judged = _step(support, family, judged)
@@ -311,15 +315,23 @@ def _step(support: Support, family: Family, designed: AssessedGains) -> tuple[Su
     return replace(support, remarks=(words, *support.remarks)), assess_gains(family, made)
 
 
+def _why_no_gains(found: Identified, family: Family, speed: float) -> str:
+    """Which requirement fails at this speed [m/s], and the next lower speed at which gains exist."""
+    now = family.autopilot.gains
+    why = why_none(family, now, unbounded(now))
+    for share in SLOWER:
+        slower = math.floor(10.0 * share * speed) / 10.0
+        if slower > 0 and design_gains(family_of(found, family.autopilot, slower), now, unbounded(now)):
+            return f"{why}; at {slower:g} m/s there are such gains (--speed {slower:g})"
+    return why
+
+
 def _with_design_check(
     found: Identified, support: Support, judged: AssessedGains | None
 ) -> tuple[Support, AssessedGains | None]:
     """The support and the gains after checking the designed loop."""
-    if support.level != "gains":
+    if support.level != "gains" or judged is None:
         return support, judged
-    if judged is None:
-        why = "no P and I keep 6 dB and 45 deg for all parameter values within their intervals"
-        return replace(support, level="none", reasons=(why,)), None
     reasons = supported_loop(found, judged.margins)
     if reasons:
         return replace(support, level="none", reasons=reasons), None

@@ -197,11 +197,7 @@ def design_gains(family: Family, keep: Gains, most: Gains) -> Gains | None:
 def _best_pair(family: Family, shared: Gains, most: Gains) -> tuple[Gains, float] | None:
     """(gains, disturbance error [rad]) of the best P and I up to `most` with D and filters of `shared`."""
     right = feed_forward(family)
-    offered_p = np.unique(np.minimum(_P_OF_FF * right, min(MOST_P, most.p)))
-    offered_i = np.unique(np.minimum(_I_OF_FF * right, min(MOST_I, most.i)))
-    p, i = (grid.ravel() for grid in np.meshgrid(offered_p, offered_i))
-    keeps = robust(family, shared, p, i)
-    p, i = p[keeps], i[keeps]
+    p, i = _robust_pairs(family, shared, most)
     if p.size == 0:
         return None
     ff = np.maximum(right - FF_REDUCTION * i * family.lag, (1 - MOST_FF_REDUCTION) * right)
@@ -214,6 +210,30 @@ def _best_pair(family: Family, shared: Gains, most: Gains) -> tuple[Gains, float
     k = int(np.argmin(error))
     return replace(shared, ff=round(float(ff[k]), 3), p=rounded_down(p[k]), i=rounded_down(i[k])), float(
         error[k]
+    )
+
+
+def _robust_pairs(family: Family, shared: Gains, most: Gains) -> tuple[Array, Array]:
+    """P (n,) and I (n,) of the offered pairs up to `most` that keep both margins."""
+    right = feed_forward(family)
+    offered_p = np.unique(np.minimum(_P_OF_FF * right, min(MOST_P, most.p)))
+    offered_i = np.unique(np.minimum(_I_OF_FF * right, min(MOST_I, most.i)))
+    p, i = (grid.ravel() for grid in np.meshgrid(offered_p, offered_i))
+    keeps = robust(family, shared, p, i)
+    return p[keeps], i[keeps]
+
+
+def why_none(family: Family, keep: Gains, most: Gains) -> str:
+    """Which requirement no P and I meets, where `design_gains` finds none."""
+    p, _ = _robust_pairs(family, replace(keep, d=0.0), most)
+    if p.size:
+        return (
+            f"every P and I that keeps {GAIN_MARGIN_DB:g} dB and {PHASE_MARGIN_DEG:g} deg overshoots a step "
+            f"by more than {MOST_OVERSHOOT:g} %"
+        )
+    return (
+        f"no P and I keep {GAIN_MARGIN_DB:g} dB and {PHASE_MARGIN_DEG:g} deg for all parameter values within "
+        "their intervals"
     )
 
 

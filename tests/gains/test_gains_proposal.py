@@ -9,12 +9,22 @@ import numpy as np
 import pytest
 
 from firmware_params.param_files import parse
+from rover_sweep.gains import proposal as proposals
+from rover_sweep.gains import tuning
 from rover_sweep.gains.controller import feedback_response
 from rover_sweep.gains.gains_json import gains_document, param_text
 from rover_sweep.gains.identified import from_identification
-from rover_sweep.gains.proposal import Proposal, propose_gains
+from rover_sweep.gains.proposal import Proposal, family_of, propose_gains
 from rover_sweep.gains.steering_chain import autopilot, sampled_plant
-from rover_sweep.gains.tuning import GAIN_MARGIN_DB, PHASE_MARGIN_DEG, frequencies, margins
+from rover_sweep.gains.tuning import (
+    GAIN_MARGIN_DB,
+    PHASE_MARGIN_DEG,
+    design_gains,
+    frequencies,
+    margins,
+    unbounded,
+    why_none,
+)
 
 AS_RECORDED = {"SCHED_LOOP_RATE": 100.0, "INS_GYRO_FILTER": 20.0}
 LOOP = autopilot(AS_RECORDED)
@@ -246,3 +256,25 @@ def test_a_command_where_it_was_set_waited_for_the_main_loop_and_that_is_off_the
     for source, wait in ((delta["source"], 0.0), ("SWEP.Out", 0.005), ("SERVO_OUTPUT_RAW.servo1_raw", 0.0)):
         delta["source"] = source
         assert from_identification(document).structure.values["tau"] == pytest.approx(tau - wait)
+
+
+def test_the_requirement_that_no_gains_meet_is_named(proposal: Proposal, monkeypatch: pytest.MonkeyPatch):
+    found, most = proposal.found, unbounded(LOOP.gains)
+    family = family_of(found, LOOP, 2.5)
+    with monkeypatch.context() as strict:
+        strict.setattr(tuning, "MOST_OVERSHOOT", -100.0)
+        assert design_gains(family, LOOP.gains, most) is None
+        assert "6 dB and 45 deg overshoots a step" in why_none(family, LOOP.gains, most)
+        (why,) = propose_gains(found, LOOP, 2.5, at_once=True).support.reasons
+        assert "overshoots" in why and "--speed" not in why  # nor is there a lower speed that helps
+    with monkeypatch.context() as strict:
+        strict.setattr(tuning, "GAIN_MARGIN_DB", 90.0)
+        assert why_none(family, LOOP.gains, most).startswith("no P and I keep 90 dB")
+
+
+def test_a_lower_speed_at_which_gains_exist_is_named(proposal: Proposal, monkeypatch: pytest.MonkeyPatch):
+    design = tuning.design_gains
+    slow = lambda family, *rest: design(family, *rest) if family.nominal.speed < 2.0 else None  # noqa: E731
+    monkeypatch.setattr(proposals, "design_gains", slow)
+    (why,) = propose_gains(proposal.found, LOOP, 2.5, at_once=True).support.reasons
+    assert why.endswith("at 1.7 m/s there are such gains (--speed 1.7)")
