@@ -25,35 +25,45 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
 
-# name -> one line of help, here so that `--help` imports nothing. `dry-run` is `commands.dry_run.dry_run`.
-COMMANDS: dict[str, str] = {
-    "dry-run": "Run the whole workflow on a simulated rover (no hardware).",
-    "session": "Work through a whole session on one screen.",
-    "run": "Drive a real rover, record, check the data, identify.",
-    "investigate": "Drive, diagnose, choose the next run, until it is settled.",
-    "resume": "Drive the remaining runs of a session.",
-    "status": "Show a session's runs and what remains to drive.",
-    "firmware": "Write, check or install the Lua applet and parameters.",
-    "preflight": "Check everything needed before a run; fix on request.",
-    "params": "Compare, set or save a rover's parameters.",
-    "logs": "List and download the autopilot's logs.",
-    "design": "Check a sweep or doublet on paper before driving it.",
-    "identify": "Identify models from recorded runs and write a report.",
-    "diagnose": "Find effects that the model leaves out, and their size.",
-    "plan": "Show which effects a set of runs can separate.",
-    "batch": "Show what drifted on a fleet over a season.",
-    "coherence": "Check whether a run's coherence is good enough.",
-    "replay": "Play a recording: pause, jump, any speed.",
-    "view": "Plot any channel of a log against another, on a page.",
-    "redrive": "Repeat a log's steering and speed in a simulation.",
-    "twin": "Correct a simulation until it agrees with recordings.",
-    "study": "Repeat the paper's comparison on a virtual rover.",
-    "export": "Export a model for MATLAB, python-control, or as JSON.",
-    "gains": "Compute steering gains for the autopilot, with margins.",
-    "inertia": "Compute a moment of inertia from a swing test.",
-    "bench": "Measure the steering on blocks: gain, play, lag.",
-    "vehicle": "Print an example vehicle file, or check yours.",
+# {section: {name: one line of help}}, here so that `--help` imports nothing. `dry-run` is
+# `commands.dry_run.dry_run`.
+SECTIONS: dict[str, dict[str, str]] = {
+    "A field day": {
+        "dry-run": "Run the whole workflow on a simulated rover (no hardware).",
+        "vehicle": "Print an example vehicle file, or check yours.",
+        "design": "Check a sweep or doublet on paper before driving it.",
+        "firmware": "Write, check or install the Lua applet and parameters.",
+        "preflight": "Check everything needed before a run; fix on request.",
+        "session": "Work through a whole session on one screen.",
+        "run": "Drive a real rover, record, check the data, identify.",
+        "resume": "Drive the remaining runs of a session.",
+        "status": "Show a session's runs and what remains to drive.",
+    },
+    "Analysis": {
+        "identify": "Identify models from recorded runs and write a report.",
+        "coherence": "Check whether a run's coherence is good enough.",
+        "diagnose": "Find effects that the model leaves out, and their size.",
+        "investigate": "Drive, diagnose, choose the next run, until it is settled.",
+        "plan": "Show which effects a set of runs can separate.",
+        "gains": "Compute steering gains for the autopilot, with margins.",
+        "export": "Export a model for MATLAB, python-control, or as JSON.",
+        "study": "Repeat the paper's comparison on a virtual rover.",
+    },
+    "Recordings and simulation": {
+        "replay": "Play a recording: pause, jump, any speed.",
+        "view": "Plot any channel of a log against another, on a page.",
+        "redrive": "Repeat a log's steering and speed in a simulation.",
+        "twin": "Correct a simulation until it agrees with recordings.",
+    },
+    "The rover and the fleet": {
+        "params": "Compare, set or save a rover's parameters.",
+        "logs": "List and download the autopilot's logs.",
+        "bench": "Measure the steering on blocks: gain, play, lag.",
+        "inertia": "Compute a moment of inertia from a swing test.",
+        "batch": "Show what drifted on a fleet over a season.",
+    },
 }
+COMMANDS = {name: words for section in SECTIONS.values() for name, words in section.items()}
 
 
 MODULES = {
@@ -89,8 +99,9 @@ class LazyGroup(click.Group):
         return super().resolve_command(ctx, args)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        with formatter.section("Commands"):
-            formatter.write_dl(list(COMMANDS.items()))
+        for section, commands in SECTIONS.items():
+            with formatter.section(section):
+                formatter.write_dl(list(commands.items()))
 
 
 def _no_such_command(name: str) -> str:

@@ -49,6 +49,7 @@ def test_help_imports_nothing_heavy() -> None:
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     assert all(name in done.stdout for name in main.COMMANDS)
+    assert all(f"\n{section}:\n" in done.stdout for section in main.SECTIONS)
 
 
 @pytest.mark.parametrize("name", main.COMMANDS)

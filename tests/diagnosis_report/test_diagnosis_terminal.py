@@ -161,9 +161,10 @@ def test_a_long_name_leaves_the_numbers_whole() -> None:
 def test_what_could_still_hide_is_in_the_answer() -> None:
     bounded = (
         Unseen("roll_steer", "", {"e": UpperBound("-", -0.42, 0.30, 0.04)}, 0.08),
-        Unseen("imu_offset", "", {k: UpperBound("m", -0.03, 0.03, 0.012) for k in ("x", "z")}, 0.04),
+        Unseen("imu_offset", "", {k: UpperBound("m", -0.03, 0.03, 0.012) for k in ("x", "z")}, 0.06),
         Unseen("servo_rate_limit", "", {"R": UpperBound("rad/s", 38.0, None, 4.0)}, 0.01, material=False),
         Unseen("sensor_filter", "", {"gyro_hz": UpperBound("Hz", 23.0, None, 29.0)}, 0.09),
+        Unseen("cross_slope", "", {"b": UpperBound("-", 0.0, 0.03, 0.02)}, 0.02),  # no turn would show it
     )
     text = told(replace(EXPLAINED, cannot_see=bounded))
     answer = " ".join(text.split())

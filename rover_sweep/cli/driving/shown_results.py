@@ -46,6 +46,7 @@ def show_identified(
     from rover_sweep.api.identify import identified as identified_models
     from rover_sweep.cli.views.asking import long_work
     from rover_sweep.cli.views.output import echo_json, narration, print_warnings, results
+    from rover_sweep.identification.model_results import PHYSICAL
     from rover_sweep.report.identification.report import identification_report
     from rover_sweep.report.identification.sentences import first_numbers
     from rover_sweep.report.on_terminal import on_terminal
@@ -70,6 +71,12 @@ def show_identified(
         files = result.report(out, lambda share, what: progress(share, f"writing {what}"), units)
     if not full:
         shown.print("all models, costs and handling: in the report, or here with --full", style="dim")
+    if result.recommended in PHYSICAL:
+        shown.print(
+            f"next: `rover-sweep gains {out}` proposes steering gains; `rover-sweep diagnose` with the same "
+            "runs finds physics that the model leaves out",
+            soft_wrap=True,
+        )
     shown.print(f"report: {files.page}", soft_wrap=True)
     if as_json:
         echo_json(files.document.read_text(encoding="utf-8"))
@@ -107,7 +114,9 @@ def show_diagnosed(
     origin = given.origin(provenance(*rover, given.held_out, command, datetime.now().astimezone()), settings)
     with Interruption(lambda: console.print(CTRL_C, style="yellow")) as asked:
         found = diagnosis_of(given, rover[0], settings, asked.to_stop)
-        shown.print(on_terminal(diagnosis_report(found)), width=min(shown.width, WIDTH))
+        compare = bool(given.simulated or drive) and found.model is not None and not asked.to_stop()
+        if not compare:  # else the question is another one
+            shown.print(on_terminal(diagnosis_report(found)), width=min(shown.width, WIDTH))
         with long_work("writing the report") as report:
             files = write_diagnosis(found, out, origin, report)
     interrupted = asked.to_stop()
@@ -115,8 +124,9 @@ def show_diagnosed(
     if files.variant:
         shown.print(f"as a simulated rover: {files.variant}", soft_wrap=True)
     document = files.document.read_text(encoding="utf-8")
-    if (given.simulated or drive) and found.model is not None and not interrupted:
+    if compare and not interrupted:
         compared = show_compared(given, found, origin.provenance, out, drive, settings.seed, shown)
+        shown.print(f"the recordings alone: {found.sentence} ({files.page.name})", soft_wrap=True)
         document = with_comparison(document, compared) if as_json else document
     if as_json:
         echo_json(document)
