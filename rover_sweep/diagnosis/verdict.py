@@ -311,7 +311,7 @@ def importance_words(f: Finding) -> str:
     if best.share_removed is not None and best.share_removed <= 0:
         return f"It explains nothing of the residual above the noise on {best.run} ({fall})."
     words = f"It explains {share or 'little of '}the squared residual above the noise on {best.run} ({fall})"
-    return f"{words}: it hardly matters, no repair is needed." if hardly_matters(f.held_out) else f"{words}."
+    return f"{words}: it hardly shows in the held-out runs." if hardly_matters(f.held_out) else f"{words}."
 
 
 def turn_change(found: Diagnosis) -> tuple[float, float] | None:
