@@ -260,10 +260,11 @@ def _full_scale(run: Recording) -> Iterator[Note]:
     for name, full in (("r", GYRO_RANGE), ("p", GYRO_RANGE), ("ay", ACCEL_RANGE)):
         peak = float(np.max(np.abs(run.manoeuvre(name).x), initial=0.0)) if name in run else 0.0
         if peak > 0.98 * full:
+            deg = ', or give unit = "deg/s" if these are degrees' if run[name].unit == "rad/s" else ""
             yield Note(
                 "warning",
                 f"{name} reaches {peak:.1f} {run[name].unit}, the sensor's full scale: "
-                "mount the autopilot on softer material",
+                f"mount the autopilot on softer material{deg}",
             )
 
 

@@ -261,9 +261,12 @@ def _possible(log: Log, channel: str, signal: Signal, notes: list[Note]) -> Sign
             f"such as {x[int(np.argmax(np.abs(x)))]:.3g} {signal.unit}"
         )
         if count > 1 + IMPOSSIBLE_LIMIT * signal.x.size:
+            unit = signal.unit.replace("rad", "deg", 1)
+            mend = f'give unit = "{unit}" in a column map if these are degrees'
+            convert = "convert the channel" if unit == signal.unit else mend
             raise DataRefused(
                 f"{log.name}: {finding}; the file is damaged, or {channel} is in another unit"
-                f"{OTHER_UNIT.get(channel, '')}: copy the log again, or convert the channel"
+                f"{OTHER_UNIT.get(channel, '')}: copy the log again, or {convert}"
             )
         notes.append(Note("warning", f"{finding}; they were left out"))
     keep = ~(wrong | off)
