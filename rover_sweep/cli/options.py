@@ -6,7 +6,7 @@ import functools
 import math
 import re
 import tempfile
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from inspect import Parameter, signature
 from pathlib import Path
@@ -98,6 +98,28 @@ def _made(make: Callable[..., Any], given: dict[str, Any]) -> Any:
     return make(
         **{n: _made(d.make, given) if isinstance(d, _Together) else given[n] for n, d in defaults.items()}
     )
+
+
+class Grouped(click.Command):
+    """A command whose help shows its options in groups: {heading: names of parameters}.
+
+    Options that no group names come last.
+    """
+
+    def __init__(self, *given: Any, groups: Mapping[str, str], **more: Any) -> None:
+        super().__init__(*given, **more)
+        self.groups = groups
+
+    def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        named = {name: heading for heading, names in self.groups.items() for name in names.split()}
+        shown: dict[str, list[tuple[str, str]]] = {heading: [] for heading in (*self.groups, "Rarely needed")}
+        for parameter in self.get_params(ctx):
+            record = parameter.get_help_record(ctx) if isinstance(parameter, click.Option) else None
+            if record:
+                shown[named.get(parameter.name or "", "Rarely needed")].append(record)
+        for heading, records in shown.items():
+            with formatter.section(heading):
+                formatter.write_dl(records)
 
 
 # Types of options.

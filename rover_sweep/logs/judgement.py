@@ -294,9 +294,8 @@ def _steering_outputs(log: Log) -> Iterator[Note]:
 
 def _biases(run: Recording) -> Iterator[Note]:
     if not run.standstill:
-        yield Note(
-            "info", "No standstill was recorded, so the biases of gyro and accelerometer are not known"
-        )
+        of = "biases of gyro and accelerometer are" if "ay" in run else "bias of the gyro is"
+        yield Note("info", f"No standstill was recorded, so the {of} not known")
 
 
 def _clock(run: Recording, log: Log) -> Iterator[Note]:

@@ -25,7 +25,9 @@ def test_results_to_stdout_narration_in_order_and_the_truth(
         "dry-run", *SHORT, "--amplitude", "160"
     )  # the second sweep is past SWP_PWM_MAX as it comes
     assert done.code == 0, done.err
-    assert done.out.rstrip().endswith("report: dry-run-2/report/report.html")
+    report, following = done.out.rstrip().splitlines()[-2:]
+    assert report == "report: dry-run-2/report/report.html"
+    assert following.startswith("next: rover-sweep diagnose dry-run-2 --out dry-run-2/report")
     lines = done.err.splitlines()
     order = ["connected to", "sweep1: sweep, +-160", "sweep1: keep", "sweep2: sweep, +-320", "doublet: done"]
     places = [next(i for i, line in enumerate(lines) if words in line) for words in order]

@@ -15,6 +15,7 @@ import pytest
 
 from rover_sweep import __version__, errors
 from rover_sweep.cli import main
+from rover_sweep.cli.options import Grouped
 from rover_sweep.data.vehicle_file import example, load
 
 NOMINAL = Path(__file__).parents[1] / "data" / "ardurover-4.6.3" / "nominal"
@@ -50,6 +51,19 @@ def test_help_imports_nothing_heavy() -> None:
     assert done.returncode == 0, done.stderr
     assert all(name in done.stdout for name in main.COMMANDS)
     assert all(f"\n{section}:\n" in done.stdout for section in main.SECTIONS)
+
+
+@pytest.mark.parametrize("name", ["run", "identify", "diagnose"])
+def test_options_are_in_groups_with_the_rare_ones_last(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    command = main.cli.get_command(click.Context(main.cli), name)
+    assert isinstance(command, Grouped)
+    parameters = {p.name for p in command.params if isinstance(p, click.Option)}
+    assert set(" ".join(command.groups.values()).split()) <= parameters
+    assert main.run([name, "--help"]) == 0
+    shown = capsys.readouterr().out
+    headings = [*command.groups, "Rarely needed"]
+    assert [line[:-1] for line in shown.splitlines() if line[:-1] in headings] == headings
+    assert all(p.opts[0] in shown for p in command.params if isinstance(p, click.Option))
 
 
 @pytest.mark.parametrize("name", main.COMMANDS)

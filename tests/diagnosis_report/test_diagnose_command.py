@@ -44,7 +44,9 @@ def test_the_report_is_written_and_the_summary_printed(
     code, out, _ = asked(SWEEP, DOUBLET)
     assert code == 0
     assert out.startswith("EXPLAINED\nPlay in the steering")
-    assert out.rstrip().endswith(f"report: {tmp_path}/out/diagnosis.html")
+    *_, report, following = out.rstrip().splitlines()
+    assert report == f"report: {tmp_path}/out/diagnosis.html"
+    assert following == f"next: rover-sweep gains {tmp_path}/out"
     document = json.loads((tmp_path / "out" / "diagnosis.json").read_text())
     assert [(r["role"], r["name"]) for r in document["recordings"]] == [("fit", "run1"), ("held out", "run4")]
     assert all(len(r["sources"][0]["sha256"]) == 64 for r in document["recordings"])
@@ -95,6 +97,8 @@ def test_json_leaves_stdout_to_the_document(engine: Engine, asked: RunProgram) -
 def test_a_simulation_stands_beside_the_recording(engine: Engine, asked: RunProgram) -> None:
     asked(SWEEP, "--simulation", DATA / "ardurover-4.6.3" / "stock" / "run1.BIN")
     assert [r.name for r in engine.given["simulated"]] == ["stock/run1"]
+    _, out, _ = asked(SWEEP, DOUBLET, "--full")
+    assert "--full" not in out
     code, _, err = asked(SWEEP, "--simulation", SWEEP)
     assert code == 2 and "both the recording and the simulation" in err
 

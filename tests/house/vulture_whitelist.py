@@ -9,6 +9,7 @@ _ = [
     it.list_commands,
     it.get_command,
     it.format_commands,
+    it.format_options,
     it._repr_html_,
     it._open_app_process,
     it._stdin,

@@ -82,8 +82,16 @@ def test_columns_with_the_channels_own_names_need_no_map(tmp_path: Path) -> None
     text = rows().replace("t,steer,rate,v", "t,delta,r,speed")
     (run,) = read_runs(table(tmp_path, text))
     assert run["r"].unit == "rad/s"
-    with pytest.raises(UsageError, match="needs a column map.*its columns are t, steer, rate, v"):
+    with pytest.raises(
+        UsageError, match="needs a column map.*time = .*--columns FILE; its columns are t, steer, rate, v"
+    ):
         read_runs(table(tmp_path, rows()))
+
+
+def test_degrees_without_their_unit_are_refused_with_the_line_that_mends_it(tmp_path: Path) -> None:
+    path = table(tmp_path, rows(turned=20 * np.sin(2 * np.arange(0, 40, 0.02))))
+    with pytest.raises(DataRefused, match=r'in the column map: delta = {column = "turned", unit = "deg"}'):
+        read_runs(path, column_map={**BASIC, "delta": "turned"})
 
 
 def test_nan_is_left_out_and_told(tmp_path: Path) -> None:

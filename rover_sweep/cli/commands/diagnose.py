@@ -19,6 +19,7 @@ from rover_sweep.cli.options import (
     READING,
     REPORT,
     VEHICLE,
+    Grouped,
     argument,
     check_report_folder,
     check_writable,
@@ -47,7 +48,15 @@ _BASELINE = option(
 )
 
 
-@click.command()
+@click.command(
+    cls=Grouped,
+    groups={
+        "Runs": "vehicle_file hold_out columns",
+        "Results": "out full as_json",
+        "What is tested": "baseline model only without time_limit",
+        "Comparison with a simulation": "simulation variant ardurover",
+    },
+)
 @options
 def diagnose(
     runs: tuple[str, ...] = argument("RUN...", nargs=-1, required=True),
@@ -83,6 +92,9 @@ def diagnose(
     reading: Reading = READING,
     out: str = REPORT,
     as_json: bool = option("Print diagnosis.json on stdout; tables go to stderr.", flag="--json"),
+    full: bool = option(
+        "Show all effects that could still hide; with --simulation, the diagnosis of the RUNs too."
+    ),
 ) -> None:
     """Find physical effects in the recorded RUNs that the model leaves out: where, size and evidence.
 
@@ -128,7 +140,7 @@ def diagnose(
         return load_steered(paths, vehicle, again, sources), laws_of(rover, found.model)
 
     given = material(read(runs), read(hold_out), read(simulated))
-    show_diagnosed(given, (vehicle, path), settings, Path(out), as_json, drive if simulator else None)
+    show_diagnosed(given, (vehicle, path), settings, Path(out), as_json, drive if simulator else None, full)
 
 
 def _simulator_of(simulated: Sequence[str], variant: str | None) -> str | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -18,6 +19,7 @@ from rover_sweep.cli.options import (
     VEHICLE,
     BandType,
     ChoicesType,
+    Grouped,
     NumbersType,
     argument,
     check_report_folder,
@@ -35,7 +37,15 @@ MODELS = ("bicycle", "roll-yaw", "lumped")
 REPLACED = ("report.html", "speed.html", "pictures/*", "models/*")  # by a new report
 
 
-@click.command()
+@click.command(
+    cls=Grouped,
+    groups={
+        "Runs": "vehicle_file verify columns",
+        "Results": "out full as_json units",
+        "Models": "models fit structure untied no_reduction keep bootstrap",
+        "Frequencies": "band wmin wmax windows condition_on",
+    },
+)
 @options
 def identify(
     runs: tuple[str, ...] = argument("RUN...", nargs=-1, required=True),
@@ -117,8 +127,18 @@ def identify(
         condition_on=tuple(dict.fromkeys(condition_on)),
         bootstrap=bootstrap,
     )
+    again = [*runs, *(word for run in verify for word in ("--hold-out", run)), "--vehicle", str(path)]
     show_identified(
-        sweeps, checks, (vehicle, path), settings, Path(out), as_json, full, structures=own, units=units
+        sweeps,
+        checks,
+        (vehicle, path),
+        settings,
+        Path(out),
+        as_json,
+        full,
+        structures=own,
+        units=units,
+        again=shlex.join([*again, *(("--columns", reading.columns) if reading.columns else ())]),
     )
     add_steering(speed, Path(out))
 

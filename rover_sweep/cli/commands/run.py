@@ -17,7 +17,17 @@ from rover_sweep.cli.driving.simulated import (
     refuse_on_simulated,
     refuse_without_simulation,
 )
-from rover_sweep.cli.options import AS_JSON, FOLDER, FULL, SESSION, VEHICLE, option, options, vehicle_path
+from rover_sweep.cli.options import (
+    AS_JSON,
+    FOLDER,
+    FULL,
+    SESSION,
+    VEHICLE,
+    Grouped,
+    option,
+    options,
+    vehicle_path,
+)
 from rover_sweep.cli.vehicle_link import (
     ACCESS,
     ARM,
@@ -52,7 +62,16 @@ _THROW_SWITCH = throw_switch_option(
 )
 
 
-@click.command()
+@click.command(
+    cls=Grouped,
+    groups={
+        "Rover": "connect vehicle",
+        "Manoeuvres": "sweep doublet multisine bias_sweep throttle_sweep",
+        "What this program may move": "arm throttle throw_switch",
+        "Results": "out diagnose full as_json",
+        "Simulated rover": "physics variant rover_file seed ardurover",
+    },
+)
 @options
 def run(
     connect: str | None = option(URL_HELP, metavar="URL"),

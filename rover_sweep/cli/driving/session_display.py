@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Callable, Generator, Iterator
 from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
@@ -177,7 +178,8 @@ def identify_session(
         narration().print(f"nothing is identified: {why}; {_kept(session.folder, list(session.runs))}")
         return
     sweeps, doublets = divided(runs)
-    show_identified(sweeps, doublets, rover, Settings(bootstrap=200), report, as_json, full, more)
+    settings, again = Settings(bootstrap=200), shlex.quote(str(session.folder))
+    show_identified(sweeps, doublets, rover, settings, report, as_json, full, more, again=again)
     add_steering(speed, report)
 
 

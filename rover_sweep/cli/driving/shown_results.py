@@ -37,16 +37,17 @@ def show_identified(
     more: Callable[[Identification], Table | None] | None = None,
     structures: Sequence[ModelStructure] = (),
     units: str = "SI",
+    again: str = "",
 ) -> None:
     """Identify, print the tables and the answer, write the report into `out`, print its path.
 
     more: a table below the numbers; full: all tables. structures: the user's own. units: of accelerations,
-    "SI" or "paper". as_json: identification.json on stdout, everything else on stderr.
+    "SI" or "paper". as_json: identification.json on stdout, everything else on stderr. again: the runs and
+    their vehicle file as arguments, for the next command.
     """
     from rover_sweep.api.identify import identified as identified_models
     from rover_sweep.cli.views.asking import long_work
     from rover_sweep.cli.views.output import echo_json, narration, print_warnings, results
-    from rover_sweep.identification.model_results import PHYSICAL
     from rover_sweep.report.identification.report import identification_report
     from rover_sweep.report.identification.sentences import first_numbers
     from rover_sweep.report.on_terminal import on_terminal
@@ -71,13 +72,11 @@ def show_identified(
         files = result.report(out, lambda share, what: progress(share, f"writing {what}"), units)
     if not full:
         shown.print("all models, costs and handling: in the report, or here with --full", style="dim")
-    if result.recommended in PHYSICAL:
-        shown.print(
-            f"next: `rover-sweep gains {out}` proposes steering gains; `rover-sweep diagnose` with the same "
-            "runs finds physics that the model leaves out",
-            soft_wrap=True,
-        )
     shown.print(f"report: {files.page}", soft_wrap=True)
+    if again:
+        steps = [f"rover-sweep diagnose {again} --out {out}"]
+        steps += [f"rover-sweep gains {out}"] if result.recommended else []
+        shown.print(f"next: {'; '.join(steps)}", soft_wrap=True)
     if as_json:
         echo_json(files.document.read_text(encoding="utf-8"))
 
@@ -97,10 +96,12 @@ def show_diagnosed(
     out: Path,
     as_json: bool,
     drive: Drive | None = None,
+    full: bool = False,
 ) -> None:
     """Diagnose, write the report into `out`, print summary and path; DataRefused if data are refused.
 
-    Simulated runs are compared with the recordings; drive: the simulation to drive for that.
+    Simulated runs are compared with the recordings; drive: the simulation to drive for that. The comparison
+    is then the answer, and the diagnosis is printed only with `full`, which also shows all tables.
     """
     from rover_sweep.cli.views.asking import Interruption, long_work
     from rover_sweep.cli.views.output import echo_json, narration, print_warnings, results
@@ -114,20 +115,27 @@ def show_diagnosed(
     origin = given.origin(provenance(*rover, given.held_out, command, datetime.now().astimezone()), settings)
     with Interruption(lambda: console.print(CTRL_C, style="yellow")) as asked:
         found = diagnosis_of(given, rover[0], settings, asked.to_stop)
-        compare = bool(given.simulated or drive) and found.model is not None and not asked.to_stop()
-        if not compare:  # else the question is another one
-            shown.print(on_terminal(diagnosis_report(found)), width=min(shown.width, WIDTH))
+        comparing = bool(given.simulated or drive) and found.model is not None
+        if full or not comparing or asked.to_stop():
+            shown.print(on_terminal(diagnosis_report(found), full), width=min(shown.width, WIDTH))
         with long_work("writing the report") as report:
             files = write_diagnosis(found, out, origin, report)
     interrupted = asked.to_stop()
-    shown.print(f"\nreport: {files.page}", soft_wrap=True)
+    document = files.document.read_text(encoding="utf-8")
+    if comparing and not interrupted:
+        compared = show_compared(given, found, origin.provenance, out, drive, settings.seed, shown)
+        document = with_comparison(document, compared) if as_json else document
+        shown.print(f"diagnosis of the recordings alone: {files.page}, or here with --full", soft_wrap=True)
+    else:
+        if not full:
+            shown.print("\nall that could still hide: in the report, or here with --full", style="dim")
+        shown.print(f"report: {files.page}", soft_wrap=True)
     if files.variant:
         shown.print(f"as a simulated rover: {files.variant}", soft_wrap=True)
-    document = files.document.read_text(encoding="utf-8")
-    if compare and not interrupted:
-        compared = show_compared(given, found, origin.provenance, out, drive, settings.seed, shown)
-        shown.print(f"the recordings alone: {found.sentence} ({files.page.name})", soft_wrap=True)
-        document = with_comparison(document, compared) if as_json else document
+    if found.verdict in ("none", "explained"):
+        shown.print(f"next: rover-sweep gains {out}", soft_wrap=True)
+    elif found.verdict != "refused":
+        shown.print(f"next: rover-sweep plan --vehicle {rover[1]} (more runs to drive)", soft_wrap=True)
     if as_json:
         echo_json(document)
     if found.verdict == "refused":

@@ -102,8 +102,10 @@ def _loaded(given: Mapping[str, Any] | str | None, header: list[str], file_name:
         if own["time"] in header and len(own) > 2:
             return own
         raise UsageError(
-            f"{file_name} needs a column map: give --columns FILE, a TOML file with time, pwm or delta, r, "
-            f"speed, ... (docs/formats.md has one); its columns are {', '.join(header)}"
+            f"{file_name} needs a column map: write a TOML file that names the columns, with lines such as "
+            'time = "t", delta = {column = "steer", unit = "deg"}, r = {column = "rate", unit = "deg/s"}, '
+            'speed = "v" (all keys: docs/formats.md), and give it with --columns FILE; its columns are '
+            f"{', '.join(header)}"
         )
     if not isinstance(given, str):
         return given
@@ -224,7 +226,10 @@ POSSIBLE: Mapping[str, tuple[float, float]] = {
     "delta": (-np.pi / 2, np.pi / 2),
 }
 OUTPUTS = ("pwm", "throttle")  # 0 us is an output that is switched off
-OTHER_UNIT = dict.fromkeys(("r", "p"), " (deg/s for rad/s?)") | {"ay": " (mg or cm/s^2 for m/s^2?)"}
+OTHER_UNIT = {
+    **dict.fromkeys(("r", "p"), "deg/s"),
+    **dict.fromkeys(("delta", "phi"), "deg"),
+}  # in which these channels are often written
 IMPOSSIBLE_LIMIT = 0.01  # share of a channel's samples; above it the others are unreliable too
 RESPONSES = ("r", "ay", "p", "vy")
 FEWEST = 20  # samples of a channel in a run
@@ -261,16 +266,23 @@ def _possible(log: Log, channel: str, signal: Signal, notes: list[Note]) -> Sign
             f"such as {x[int(np.argmax(np.abs(x)))]:.3g} {signal.unit}"
         )
         if count > 1 + IMPOSSIBLE_LIMIT * signal.x.size:
-            unit = signal.unit.replace("rad", "deg", 1)
-            mend = f'give unit = "{unit}" in a column map if these are degrees'
-            convert = "convert the channel" if unit == signal.unit else mend
-            raise DataRefused(
-                f"{log.name}: {finding}; the file is damaged, or {channel} is in another unit"
-                f"{OTHER_UNIT.get(channel, '')}: copy the log again, or {convert}"
-            )
+            raise DataRefused(f"{log.name}: {finding}; {_other_unit(channel, signal)}")
         notes.append(Note("warning", f"{finding}; they were left out"))
     keep = ~(wrong | off)
     return replace(signal, t=signal.t[keep], x=signal.x[keep])
+
+
+def _other_unit(channel: str, signal: Signal) -> str:
+    """What to do where most values of a channel are impossible."""
+    unit = OTHER_UNIT.get(channel)
+    if unit is None:
+        other = f"or {channel} is in another unit"
+        return f"the file is damaged, {other}: copy the log again, or convert the channel"
+    column = signal.source.removeprefix("column ")
+    return (
+        f"are they in {unit}? For a .csv, give the unit in the column map: "
+        f'{channel} = {{column = "{column}", unit = "{unit}"}}; else copy the log again'
+    )
 
 
 def without_dead_channels(run: Recording) -> Recording:
