@@ -134,9 +134,10 @@ def with_numbers(found: Identification, vehicle: Vehicle) -> Identification:
             "than normal tolerances of a rover: its numbers hold for the fitted responses alone; "
             "`rover-sweep diagnose` with the same runs finds what it leaves out"
         )
-        return replace(found, summary=(*found.summary, why))
+        return replace(found, summary=(*found.summary, why), residual=fitted.misfit)
     return replace(
         found,
+        residual=fitted.misfit,
         numbers=ByName(v for v in rover_numbers(fitted, SEED) if v.low is not None and v.high is not None),
     )
 

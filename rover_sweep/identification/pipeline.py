@@ -202,7 +202,8 @@ class Identification(PlainNumbers, Shown):
     has the kinematic model, which shows whether the data hold any effect of the tyres. numbers: of the rover,
     with errors of the vehicle file and normal tolerances allowed for, where they were asked for and a model
     with tyres fits; those of `models` are of a fit of the responses alone, as CIFER's. by_amplitude: the
-    tyres of the recommended model, from each run alone.
+    tyres of the recommended model, from each run alone. residual {channel: mean square of what the model of
+    `numbers` leaves of the recorded motion, over that of the noise}: about 1 where only noise is left.
     """
 
     geometry: Geometry
@@ -215,6 +216,7 @@ class Identification(PlainNumbers, Shown):
     summary: tuple[str, ...]
     numbers: ByName[Quantity] = field(default_factory=ByName)
     by_amplitude: tuple[RunStiffness, ...] = ()
+    residual: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -14,7 +14,12 @@ import rover_sweep as rs
 from rover_sweep.identification.handling import UNITS
 from rover_sweep.identification.model_results import UNTIED
 from rover_sweep.report.identification.report import identification_report
-from rover_sweep.report.identification.sentences import amplitude_sentence, handling_sentence, modes_sentence
+from rover_sweep.report.identification.sentences import (
+    amplitude_sentence,
+    handling_sentence,
+    modes_sentence,
+    residual_sentence,
+)
 from rover_sweep.report.identification.tables import numbers_table, variants_table
 from rover_sweep.report.in_html import in_html
 from rover_sweep.report.on_terminal import on_terminal
@@ -68,6 +73,13 @@ def test_the_modes_are_those_of_the_handling_wherever_they_are_told(nominal: rs.
     assert f"yaw {frequency} rad/s with a damping ratio of {damping}" in (modes_sentence(nominal) or "")
     page = in_html(identification_report(nominal, nominal.origin), {})
     assert "Poles at" not in page.partition("Lumped model")[0]
+
+
+def test_only_noise_is_left_on_the_nominal_rover_and_more_on_another(nominal: rs.Result) -> None:
+    assert set(nominal.residual) >= {"r", "ay", "p"} and max(nominal.residual.values()) < 1.3
+    assert (residual_sentence(nominal) or "").endswith("noise alone is left.")
+    assert "more than noise" in (residual_sentence(replace(nominal, residual={"r": 6.8})) or "")
+    assert residual_sentence(replace(nominal, residual={})) is None
 
 
 def test_a_fit_stands_once_in_the_table_of_fits(nominal: rs.Result) -> None:

@@ -43,7 +43,10 @@ def test_runs_are_driven_judged_fetched_and_identified(
     assert origin.startswith("sweep1, sweep2, doublet: identified from log") and "SWEP.Out" in origin
     assert "on one clock, no messages dropped (DSF.Dp)" in origin
     assert "Use the roll-yaw model" in done.out and "(not in the fit) J_rms" in done.out
-    assert done.out.rstrip().endswith(f"report: {out / 'report' / 'report.html'}")
+    assert done.out.rstrip().splitlines()[-2:] == [
+        f"report: {out / 'report' / 'report.html'}",
+        f"next: rover-sweep diagnose {out} --out {out / 'report'}; rover-sweep gains {out / 'report'}",
+    ]
     written = json.loads((out / "report" / "identification.json").read_text())
     assert [run["kind"] for run in written["runs"]] == ["sweep", "sweep"]
     again = run_program(*command)

@@ -16,7 +16,10 @@ from fabricated_diagnoses import EXPLAINED, NONE, REFUSED
 from fabricated_engine import Engine, ProgramResult
 
 from rover_sweep.api.read import same_recording
+from rover_sweep.cli.driving import shown_results
+from rover_sweep.data.geometry import Geometry
 from rover_sweep.data.recording import Recording
+from rover_sweep.diagnosis.simulation.augmented import AugmentedModel
 from rover_sweep.errors import DataRefused
 from rover_sweep.logs.read import read_runs
 
@@ -101,6 +104,23 @@ def test_a_simulation_stands_beside_the_recording(engine: Engine, asked: RunProg
     assert "--full" not in out
     code, _, err = asked(SWEEP, "--simulation", SWEEP)
     assert code == 2 and "both the recording and the simulation" in err
+
+
+@pytest.mark.parametrize("full", [False, True])
+def test_the_comparison_with_a_simulation_is_the_answer(
+    engine: Engine, asked: RunProgram, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, full: bool
+) -> None:
+    rover = Geometry(mass=2.66, a=0.203, b=0.188, yaw_inertia=0.07)
+    engine.answer = replace(EXPLAINED, model=AugmentedModel("bicycle", rover, (), {}, 2.0))
+
+    def compare(*given: Any) -> Path:
+        given[-1].print("THEY AGREE")
+        return tmp_path / "comparison.json"
+
+    monkeypatch.setattr(shown_results, "show_compared", compare)
+    simulated = DATA / "ardurover-4.6.3" / "stock" / "run1.BIN"
+    _, out, _ = asked(SWEEP, "--simulation", simulated, *(["--full"] if full else []))
+    assert "THEY AGREE" in out and ("EXPLAINED" in out) is full
 
 
 def identification(path: Path, **changes: Any) -> Path:

@@ -86,6 +86,8 @@ def gains(
             console.print(on_terminal(gains_report(both.steering, both.limits)))
         if both.speed is not None:
             console.print(on_terminal(speed_gains_report(both.speed)))
+    if out is None and both.text:
+        narration().print("next: write them to a file with --out gains.param", soft_wrap=True)
     if out is not None:
         narration().print(_write(both, Path(out), now), soft_wrap=True)
 

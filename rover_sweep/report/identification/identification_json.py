@@ -178,6 +178,7 @@ def identification_document(result: Identification, provenance: Provenance) -> d
             "summary": result.summary,
             "speed_m_s": result.speed,
             "numbers": {e.name: number_document(e) for e in result.numbers},
+            "residual_over_noise": result.residual,
             "stiffness_by_amplitude": [asdict(one) for one in result.by_amplitude],
             "models": {name: model_document(result, name) for name in ordered(result)},
             "refused": result.refused,

@@ -59,6 +59,7 @@ from rover_sweep.report.identification.sentences import (
     handling_table,
     modes_sentence,
     prediction_sentence,
+    residual_sentence,
     to_do,
 )
 from rover_sweep.report.identification.tables import (
@@ -167,6 +168,7 @@ def _answer(result: Identification, provenance: Provenance) -> tuple[Part, ...]:
         *first,
         *(Sentence(sentence(words)) for words in said if words),
         *items(to_do(result, provenance)),
+        Sentence(residual_sentence(result) or "", level="full"),
         Sentence(filters_remark(result) or "", level="full"),
         Sentence(diagnosis_remark(result) or ""),
     )

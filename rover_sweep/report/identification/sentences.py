@@ -7,6 +7,7 @@ from typing import Any
 
 from rover_sweep.data.recording import Note, Recording, grouped_warnings
 from rover_sweep.data.results import Quantity, number
+from rover_sweep.diagnosis.verdict import NOTABLE
 from rover_sweep.identification.acceptance import TITLES, identified_runs, known_filters, usable
 from rover_sweep.identification.fit import FitResult
 from rover_sweep.identification.handling import UNITS, Handling, warnings
@@ -211,6 +212,15 @@ def amplitude_sentence(result: Identification) -> str | None:
         )
     small = " The numbers above hold for small slip." if result.numbers else ""
     return f"{symbol(name)} falls {change}: the tyres bend.{small}"
+
+
+def residual_sentence(result: Identification) -> str | None:
+    """Whether the model of the rover's numbers leaves more than noise; None where that was not asked."""
+    if not result.residual:
+        return None
+    parts = [f"{SHORT_NAMES.get(c, c)} {number(x**0.5, 2)}" for c, x in result.residual.items()]
+    left = "noise alone" if max(result.residual.values()) <= NOTABLE else "more than noise"
+    return f"The residual of the recorded motion over the noise (rms): {', '.join(parts)}; {left} is left."
 
 
 def diagnosis_remark(result: Identification) -> str | None:
