@@ -52,7 +52,7 @@ from rover_sweep.diagnosis.result import (
 from rover_sweep.diagnosis.search import at_the_end, many_at_the_end
 from rover_sweep.diagnosis.simulation import candidates as lumped_baseline
 from rover_sweep.diagnosis.simulation.augmented import augmented
-from rover_sweep.diagnosis.simulation.candidates import Model, has_roll
+from rover_sweep.diagnosis.simulation.candidates import Model, has_roll, is_included
 from rover_sweep.diagnosis.simulation.experiment import Experiment, experiment, in_order
 from rover_sweep.diagnosis.simulation.single_track import must_compile
 from rover_sweep.diagnosis.unexplained import FoundLaws, in_model, left_unexplained, with_laws_of
@@ -255,7 +255,9 @@ def _speed_answer(
         return _SpeedAnswer({SPEED: "the lumped model has no front tyre force, whose drag must be known"})
     if found.stopped:
         judged = set(found.gains) | set(last.cannot_see)
-        return _SpeedAnswer({e.id: STOPPED for e in library().values() if e.id not in judged})
+        return _SpeedAnswer(
+            {e.id: STOPPED for e in library().values() if not (e.id in judged or is_included(e, last.model))}
+        )
     unnamed = found.posterior.something_else >= 0.5
     if unnamed or max(last.misfit.values(), default=1.0) > NOTABLE:
         why = "the motion is not explained, so the drag of the turned wheels is not known"

@@ -257,8 +257,12 @@ def at_the_end(problem: Problem, fitted: Fitted) -> dict[str, str]:
         c = ends.get(name)
         if c is None or (c.low == 0.0 and fitted.x[name] <= c.low):
             continue
+        if name == "bias_ay" and not any("ay" in run.measured for run in problem.runs):
+            continue
         freed, room = _freed(problem, fitted, c), 0.1 * (c.high - c.low)
-        if fitted.cost - freed.cost > COUNTS and not c.low - room < freed.x[name] < c.high + room:
+        at_high = fitted.x[name] > 0.5 * (c.low + c.high)
+        beyond = freed.x[name] >= c.high + room if at_high else freed.x[name] <= c.low - room
+        if fitted.cost - freed.cost > COUNTS and beyond:
             now, better = (
                 exp(v) - 1.0 if name.startswith("ln_") else v for v in (fitted.x[name], freed.x[name])
             )

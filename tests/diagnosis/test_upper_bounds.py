@@ -10,10 +10,12 @@ import numpy as np
 import pytest
 from planted import MODEL, NOISE, X, sweeps
 
+from rover_sweep.diagnosis import search
 from rover_sweep.diagnosis.effects import library
 from rover_sweep.diagnosis.posterior.model_fit import ModelFit, model_fit
 from rover_sweep.diagnosis.posterior.upper_bounds import shown_length, sides, upper_bounds
 from rover_sweep.diagnosis.result import Unseen, UpperBound, largest_hidden
+from rover_sweep.diagnosis.simulation.candidates import possible
 from rover_sweep.diagnosis.simulation.simulator import Sensors, logged
 
 ONLY = ("front_rear_stiffness", "steering_backlash", "velocity_lag", "servo_rate_limit")
@@ -109,3 +111,20 @@ def test_the_most_important_are_material_and_change_the_motion_most() -> None:
 )
 def test_the_value_of_a_range_is_its_far_end(low: float, high: float | None, value: float) -> None:
     assert UpperBound("-", low, high).value == value
+
+
+def test_an_effect_that_the_baseline_includes_is_not_said_to_be_undetectable() -> None:
+    found, unseen = possible(MODEL, judged().problem.runs)
+    assert not {"tyre_slip", "roll_dof"} & {*unseen, *(e.id for e in found)}
+
+
+def test_the_end_of_a_tolerance_is_said_only_where_the_fit_is_better_beyond_it(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    last = judged()
+    c = next(c for c in last.fitted.free if c.name == "scale")
+    at_end = replace(last.fitted, x={**last.fitted.x, c.name: c.high})
+    for better, count in ((2 * c.high, 1), (0.9 * c.high, 0), (2 * c.low, 0)):
+        freed = replace(at_end, x={**at_end.x, c.name: better}, cost=at_end.cost - 100.0)
+        monkeypatch.setattr(search, "_freed", lambda *_, freed=freed: freed)
+        assert len(search.at_the_end(last.problem, at_end)) == count, better

@@ -363,14 +363,19 @@ def possible(
             continue
         if only and effect.id not in only:
             continue
-        if effect.id in DEGREES_OF_FREEDOM and model.baseline not in effect.baselines:
-            continue  # the model has it already
+        if is_included(effect, model):
+            continue
         why = why_unseen(effect, model, runs)
         if why:
             unseen[effect.id] = why
         else:
             found.append(effect)
     return found, unseen
+
+
+def is_included(effect: Effect, model: Model) -> bool:
+    """True for a degree of freedom that the baseline has anyway."""
+    return effect.id in DEGREES_OF_FREEDOM and model.baseline not in effect.baselines
 
 
 def why_unseen(effect: Effect, model: Model, runs: Sequence[Experiment]) -> str:
