@@ -123,7 +123,7 @@ def test_a_screen_is_given_the_list_and_connects_to_one(tmp_path: Path) -> None:
     try:
         source.ask(Connect("air:"))
         several, ended = until(told, Several), until(told, Ended)
-        assert [one.system for one in several.heard] == [1, 7] and "--system N" in ended.failure
+        assert [one.system for one in several.heard] == [1, 7] and "choose one by" in ended.failure
         source.ask(Connect("air:", 7))
         assert "does not report its version" in until(told, Ended).failure  # rovers of the air tell little
         assert source._system == 7

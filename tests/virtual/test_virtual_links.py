@@ -124,7 +124,7 @@ def test_what_is_absent_is_said_so(
 def test_scripting_that_is_off_is_said_so(tmp_path: Path) -> None:
     with linked(tmp_path, Weather(drop=0.2), SCR_ENABLE=0.0) as (_, link):
         identify_vehicle(link)
-        with pytest.raises(LinkError, match="does not run: SCR_ENABLE is 0"):
+        with pytest.raises(LinkError, match="does not run .SCR_ENABLE is 0.; `rover-sweep firmware install`"):
             check_applet(link)
 
 
