@@ -22,6 +22,7 @@ from matplotlib.figure import Figure
 
 import rover_sweep as rs
 from rover_sweep.cli.main import run
+from rover_sweep.data.geometry import STANDARD_GRAVITY
 from rover_sweep.logs.readers.dataflash import open_parts
 
 HERE = Path(__file__).parent
@@ -32,7 +33,6 @@ SPEED = 2.45  # m/s, of the recorded turns
 SHOWN = 5.0  # s of them: one corner of 90 degrees
 CONCEALED = ("single", 45)  # a drawn rover of the foreign plant: tanh tyres that slide at .34 g
 COLOURS = {"default": "#B5452C", "proposed": "#1F6FA8"}
-GRAVITY = 9.80665  # m/s^2
 
 
 def draw() -> None:
@@ -101,7 +101,7 @@ def _tyres(axes: Axes) -> None:
     found = rs.diagnose(runs, held_out)
     (curve,) = (c for c in found.curves if c.place == "side force front")
     x, n = np.degrees(curve.x), hidden.rover.numbers
-    load = n.m * GRAVITY * n.b / (n.a + n.b)
+    load = n.m * STANDARD_GRAVITY * n.b / (n.a + n.b)
     law: Any = [side_force(a, n.Cf, n.mu * load, n.tyre_form) for a in curve.x]
     axes.fill_between(x, curve.low, curve.high, color="#F2CE8B", label="90 % interval")
     axes.plot(x, curve.y, color="#B5651D", label="found")

@@ -34,6 +34,7 @@ from rover_sweep.identification.verdicts import (
     reduce_model,
 )
 from rover_sweep.identification.verify import UNITS, Verification, verify
+from rover_sweep.quality.verdict import driven_amplitude
 
 UNTIED, TIED = "Cf and Cr free", "one C for both axles"
 MUCH_BETTER = 0.7  # of J_ave: below it, separate stiffnesses of the axles replace the one for both
@@ -342,7 +343,7 @@ def stiffness_by_amplitude(model: ModelResult, work: Work) -> tuple[RunStiffness
     """The tyres of each run alone, small amplitudes first; () where all runs have about one amplitude."""
     structure = model.fit.structure
     names = [p.name for p in structure.free if p.name in STIFFNESSES]
-    driven = [(run, *_amplitude(run)) for group in work.groups for run in group.runs]
+    driven = [(run, *driven_amplitude(run)) for group in work.groups for run in group.runs]
     sizes = [size for _, size, _ in driven]
     if not names or len({unit for *_, unit in driven}) > 1 or max(sizes) < OTHER_AMPLITUDE * min(sizes):
         return ()
@@ -355,12 +356,6 @@ def stiffness_by_amplitude(model: ModelResult, work: Work) -> tuple[RunStiffness
         stiffness = {name: found[name].value for name in names}
         out.append(RunStiffness(run.name, alone.speed, size, unit, stiffness))
     return tuple(out) if len(out) > 1 else ()
-
-
-def _amplitude(run: Recording) -> tuple[float, str]:
-    """(amplitude of the steering, its unit)."""
-    signal = run.manoeuvre("pwm" if "pwm" in run else "delta")
-    return float(np.ptp(signal.x)) / 2, signal.unit
 
 
 # The model that a diagnosis tests if the user names none: the most complete one that the runs determine.

@@ -142,7 +142,7 @@ def assess(
     judged = judged_responses(measured)
     worst = min(judged, key=lambda name: outputs[name].covered)
     swept = (float(judged[worst].w[0]), float(judged[worst].w[-1]))
-    signal = run.manoeuvre("pwm" if "pwm" in run else input)
+    amplitude, unit = driven_amplitude(run, input)
     next_run = NOTHING
     advice: Advice
     if broken:
@@ -154,12 +154,15 @@ def assess(
     else:
         next_run = _proposed(run, judged, vehicle, servo_60_deg)
         fault = next(iter((*_of_mounting(run, measured, vehicle), *_of_driving(run))), None)
-        advice, sentence = fault or _by_coherence(measured, outputs, outputs[worst], next_run, signal.unit)
-    amplitude = float(np.ptp(signal.x)) / 2
+        advice, sentence = fault or _by_coherence(measured, outputs, outputs[worst], next_run, unit)
     found_outputs = tuple(outputs.values())
-    return CoherenceVerdict(
-        run.name, advice, swept, amplitude, signal.unit, found_outputs, sentence, next_run
-    )
+    return CoherenceVerdict(run.name, advice, swept, amplitude, unit, found_outputs, sentence, next_run)
+
+
+def driven_amplitude(run: Recording, input: str = "delta") -> tuple[float, str]:
+    """(amplitude of the steering in the manoeuvre, its unit): of the PWM in us where it was recorded."""
+    signal = run.manoeuvre("pwm" if "pwm" in run else input)
+    return float(np.ptp(signal.x)) / 2, signal.unit
 
 
 def _by_coherence(
