@@ -39,9 +39,11 @@ from rover_sweep.identification.handling import (
 )
 from rover_sweep.identification.model_results import ModelResult
 from rover_sweep.identification.models import LAG, lagged_fit
+from rover_sweep.identification.modes import mode_values
 from rover_sweep.identification.refit import GroupReplicator, Known, logarithmic, refitted_replicates
-from rover_sweep.identification.state_space import Parameter
 from rover_sweep.spectra.side_by_side import side_by_side
+
+SEED = 0
 
 
 class Bootstrap:
@@ -57,18 +59,13 @@ class Bootstrap:
         self.groups = [GroupReplicator(g, c, found) for g, c in zip(groups, conditions, strict=True)]
 
     def intervals(
-        self, fit: FitResult, replicates: int = 200, level: float = LEVEL, seed: int = 0
+        self, fit: FitResult, replicates: int = 200, level: float = LEVEL, seed: int = SEED
     ) -> tuple[Intervals, ...]:
         """Intervals of the free parameters of a fit to these conditions, reproducible for a seed.
 
         level: coverage, 0..1. fit must be the optimum for the conditions of this bootstrap.
         """
-        thetas = self.estimates(fit, replicates, seed)
-        free, log = fit.structure.free, logarithmic(fit.structure)
-        ok = np.all(np.isfinite(thetas), axis=1)
-        return tuple(
-            _interval(p, bool(log[i]), thetas[ok, i], level, int(np.sum(~ok))) for i, p in enumerate(free)
-        )
+        return of_parameters(fit, self.estimates(fit, replicates, seed), level)
 
     def estimates(self, fit: FitResult, replicates: int, seed: int) -> Array:
         """theta_b (replicates, n_free) in parameter units; nan in rows where the refit diverged."""
@@ -78,19 +75,48 @@ class Bootstrap:
         return refitted_replicates(fit.structure, conditions, made)
 
 
-def _interval(p: Parameter, log: bool, theta: Array, level: float, failed: int) -> Intervals:
+def of_parameters(fit: FitResult, thetas: Array, level: float) -> tuple[Intervals, ...]:
+    """Intervals of the free parameters from their replicates (n, n_free), nan in rows that diverged."""
+    log = logarithmic(fit.structure)
+    ok = np.all(np.isfinite(thetas), axis=1)
+    found = [
+        _interval(p.name, p.value, bool(log[i]), thetas[ok, i], level, int(np.sum(~ok)))
+        for i, p in enumerate(fit.structure.free)
+    ]
+    limits = zip(found, fit.structure.free, strict=True)
+    return tuple(replace(i, low=max(i.low, p.lower), high=min(i.high, p.upper)) for i, p in limits)
+
+
+def of_modes(fit: FitResult, thetas: Array, level: float) -> tuple[Intervals, ...]:
+    """Intervals of the fit's modes from the same replicates; one without a mode counts as diverged."""
+    names = [p.name for p in fit.structure.free]
+    ok = thetas[np.all(np.isfinite(thetas), axis=1)]
+    moved = [
+        mode_values(fit.structure.with_values(dict(zip(names, theta, strict=True))), fit.speed)
+        for theta in ok
+    ]
+    out = []
+    for name, value in mode_values(fit.structure, fit.speed).items():
+        having = np.array([m[name] for m in moved if name in m])
+        log = value > 0 and bool(np.all(having > 0))
+        out.append(_interval(name, value, log, having, level, len(thetas) - having.size))
+    return tuple(out)
+
+
+def _interval(name: str, best: float, log: bool, theta: Array, level: float, failed: int) -> Intervals:
     """The basic interval of the module's text, widened to hold the estimate where the bias is larger.
 
     theta (n,): replicates; failed: number that diverged.
     """
     if theta.size < max(2, failed):
-        return Intervals(p.name, np.nan, np.nan, level, np.nan, np.nan, theta.size, failed)
-    x, best = (np.log(theta), np.log(p.value)) if log else (theta, p.value)
-    low, high = 2 * best - np.quantile(x, [(1 + level) / 2, (1 - level) / 2])
+        return Intervals(name, np.nan, np.nan, level, np.nan, np.nan, theta.size, failed)
+    x, middle = (np.log(theta), np.log(best)) if log else (theta, best)
+    low, high = 2 * middle - np.quantile(x, [(1 + level) / 2, (1 - level) / 2])
     ends = np.exp((low, high)) if log else np.array((low, high))
-    low, high = np.clip((min(ends[0], p.value), max(ends[1], p.value)), p.lower, p.upper)
-    sd, bias = float(np.std(theta, ddof=1)), float(np.mean(theta) - p.value)
-    return Intervals(p.name, float(low), float(high), level, sd, bias, theta.size, failed)
+    sd, bias = float(np.std(theta, ddof=1)), float(np.mean(theta) - best)
+    return Intervals(
+        name, float(min(ends[0], best)), float(max(ends[1], best)), level, sd, bias, theta.size, failed
+    )
 
 
 # Intervals that also hold what the model's structure leaves out.
@@ -103,6 +129,8 @@ def _interval(p: Parameter, log: bool, theta: Array, level: float, failed: int) 
 # 2. for all but tau, `SCALE_ERROR` of the steering's scale, the wheelbase and the speed; for tau, `TIMING`.
 # 3. above the cornering stiffnesses, what the tyres lose at the amplitude of the runs, see `stiffness_loss`.
 # 4. above the bicycle model's Izz, `ROLL_LEFT_OUT`: without roll, the fit has less inertia instead.
+#
+# The modes are widened by 1, 2 and, of the yaw mode, 3.
 
 
 STIFFNESSES = ("C", "Cf", "Cr")
@@ -131,7 +159,11 @@ def with_structural_error(found: FitResult, conditions: Sequence[Condition], los
     if not has_handling(found.structure) or not any(e.interval for e in found.estimates):
         return found
     lagged = _usable(lagged_fit(found, conditions), found)
-    return replace(found, estimates=tuple(_widened(e, found, lagged, loss) for e in found.estimates))
+    return replace(
+        found,
+        estimates=tuple(_widened(e, found, lagged, loss) for e in found.estimates),
+        mode_intervals=tuple(_widened_mode(i, found, lagged, loss) for i in found.mode_intervals),
+    )
 
 
 def _usable(lagged: FitResult, found: FitResult) -> FitResult | None:
@@ -158,6 +190,22 @@ def _widened(e: Estimate, found: FitResult, lagged: FitResult | None, loss: floa
         high *= 1 + ROLL_LEFT_OUT
     p = next(p for p in found.structure.free if p.name == e.name)
     return replace(e, interval=replace(i, low=max(low, p.lower), high=min(high, p.upper)))
+
+
+def _widened_mode(i: Intervals, found: FitResult, lagged: FitResult | None, loss: float) -> Intervals:
+    """As the parameters': about the refit's mode too, and what tyres lose, which slows the yaw mode."""
+    value, ends = mode_values(found.structure, found.speed)[i.name], [i.low, i.high]
+    if lagged is not None:
+        there = mode_values(found.structure.with_values(lagged.structure.values), found.speed)
+        share = there.get(i.name, value) / value
+        ends += [i.low * share, i.high * share]
+    low, high = min(ends), max(ends)
+    low, high = low - SCALE_ERROR * abs(low), high + SCALE_ERROR * abs(high)
+    if i.name == "yaw_frequency":
+        high /= 1 - loss
+    if i.name == "yaw_time_constant":
+        low *= 1 - loss
+    return replace(i, low=low, high=high)
 
 
 def _about(e: Estimate, i: Intervals, lagged: FitResult) -> list[float]:
@@ -215,5 +263,7 @@ def with_intervals(
 
 
 def _with_bootstrap(fit: FitResult, bootstrap: Bootstrap, replicates: int) -> FitResult:
-    found = {i.name: i for i in bootstrap.intervals(fit, replicates)}
-    return replace(fit, estimates=tuple(replace(e, interval=found.get(e.name)) for e in fit.estimates))
+    thetas = bootstrap.estimates(fit, replicates, SEED)
+    found = {i.name: i for i in of_parameters(fit, thetas, LEVEL)}
+    estimates = tuple(replace(e, interval=found.get(e.name)) for e in fit.estimates)
+    return replace(fit, estimates=estimates, mode_intervals=of_modes(fit, thetas, LEVEL))

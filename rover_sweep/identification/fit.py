@@ -26,11 +26,13 @@ from rover_sweep.data.results import (
     ByName,
     Intervals,
     PlainNumbers,
+    Quantity,
     ShortTable,
     Shown,
     ends_words,
     plain_number,
 )
+from rover_sweep.identification.modes import mode_quantities
 from rover_sweep.identification.state_space import ModelStructure, Parameter
 from rover_sweep.spectra.response import Band, FrequencyResponse
 from rover_sweep.spectra.windowed import Complex
@@ -263,6 +265,8 @@ class FitResult(PlainNumbers, Shown):
     """Number of starting points of the fit."""
     rivals: tuple[float, ...] = ()
     """J_ave of each start that ended in another local minimum with a cost low enough to be accepted."""
+    mode_intervals: tuple[Intervals, ...] = ()
+    """Of the quantities of `modes`, by the bootstrap."""
 
     @property
     def parameters(self) -> ByName[Estimate]:
@@ -273,6 +277,11 @@ class FitResult(PlainNumbers, Shown):
     def average(self) -> float:
         """J_ave over the responses."""
         return float(np.mean(list(self.costs.values())))
+
+    @property
+    def modes(self) -> ByName[Quantity]:
+        """Frequency, damping and time constant of the yaw and the roll mode, see `ModelResult.modes`."""
+        return mode_quantities(self.structure, self.speed, self.mode_intervals)
 
     def __getitem__(self, name: str) -> Estimate:
         return next(e for e in self.estimates if e.name == name)

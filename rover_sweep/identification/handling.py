@@ -14,7 +14,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations
 
 import numpy as np
 
@@ -23,6 +22,7 @@ from rover_sweep.data.recording import Note, Recording
 from rover_sweep.data.results import Quantity, ShortTable, Shown, ends_words, plain_number
 from rover_sweep.identification.fit import FitResult
 from rover_sweep.identification.models import axle_stiffness
+from rover_sweep.identification.modes import MODE_UNITS, mode_quantities
 from rover_sweep.identification.state_space import ModelStructure
 
 PEAK = 99.0  # percentile that is taken as the peak
@@ -38,10 +38,7 @@ UNITS = {
     "characteristic_speed": ("m/s", "highest yaw rate gain"),
     "yaw_rate_gain": ("1/s", "steady r/delta"),
     "lateral_acceleration_gain": ("m/s^2 per rad", "steady a_y/delta, a_y = V r"),
-    "yaw_frequency": ("rad/s", "natural frequency of the yaw mode"),
-    "yaw_damping": ("-", "damping ratio of the yaw mode"),
-    "roll_frequency": ("rad/s", "natural frequency of the roll mode"),
-    "roll_damping": ("-", "damping ratio of the roll mode"),
+    **MODE_UNITS,
 }
 
 OF_THE_SIGN = ("critical_speed", "characteristic_speed")  # exist for one sign of K_us only
@@ -52,8 +49,7 @@ OF_BOTH_AXLES = ("understeer_gradient", "understeer_gradient_deg_per_g", "static
 class Handling(Shown):
     """Handling quantities {name in UNITS: value} at `speed` [m/s]; only those that exist for this rover.
 
-    A mode with poles s1, s2 has the frequency sqrt(s1 s2) and the damping ratio -(s1 + s2)/(2 sqrt(s1 s2)),
-    above 1 without oscillation; neither exists with an unstable real pole. tied: one cornering stiffness C
+    Those of the modes are as in `rover_sweep.identification.modes`. tied: one cornering stiffness C
     for both axles, so that K_us follows from a, b and C.
     """
 
@@ -152,11 +148,14 @@ def force_turned(runs: Sequence[Recording]) -> float:
     return 1.0 - float(np.cos(max(angles, default=0.0)))
 
 
-def handling(fit: FitResult, speed: float | None = None, error: float = 0.0) -> Handling:
+def handling(
+    fit: FitResult, speed: float | None = None, error: float = 0.0, modes_of: FitResult | None = None
+) -> Handling:
     """Handling quantities of a fitted bicycle or roll-yaw model. speed [m/s]: default that of the fit.
 
     Bounds: sqrt(s^T P s), with the slopes s to the free parameters and their covariance P; fixed parameters
-    count as exact. error: see `gain_error`; the intervals are wider by it. ValueError for a model without
+    count as exact. error: see `gain_error`; the intervals are wider by it. modes_of: the fit whose modes are
+    given, default the same; their intervals are of the bootstrap at its speed. ValueError for a model without
     cornering stiffness.
     """
     structure, v = fit.structure, fit.speed if speed is None else speed
@@ -170,7 +169,10 @@ def handling(fit: FitResult, speed: float | None = None, error: float = 0.0) -> 
     found = {
         n: _with_interval(q, _model_error(n, structure, fit.speed, found, error)) for n, q in found.items()
     }
-    return Handling(structure.name, v, _with_speeds(found, structure), tied="C" in structure.values)
+    moving = modes_of or fit
+    modes = mode_quantities(moving.structure, v, moving.mode_intervals if v == moving.speed else ())
+    quantities = {**_with_speeds(found, structure), **dict(modes)}
+    return Handling(structure.name, v, quantities, tied="C" in structure.values)
 
 
 def _model_error(
@@ -186,9 +188,6 @@ def _model_error(
         "static_margin": of_k * cf * cr / (p["m"] * (cf + cr)),
         "yaw_rate_gain": error * abs(found[name].value),
         "lateral_acceleration_gain": error * abs(found[name].value),
-        # w^2 goes with 1 + K_us V^2/L, the inverse of the gain; the sum of the poles does not depend on it
-        "yaw_frequency": 0.5 * error * abs(found[name].value),
-        "yaw_damping": 0.5 * error * abs(found[name].value),
     }.get(name, 0.0)
 
 
@@ -230,36 +229,7 @@ def _quantities(structure: ModelStructure, speed: float) -> dict[str, float]:
     if k:
         name = "characteristic_speed" if k > 0 else "critical_speed"
         out[name] = float(np.sqrt(base / abs(k)))
-    return {
-        n: x for n in UNITS for found in (out | _modes(structure, speed),) if (x := found.get(n)) is not None
-    }
-
-
-def _modes(structure: ModelStructure, speed: float) -> dict[str, float]:
-    """Natural frequency and damping of the yaw and the roll mode."""
-    mat = structure.matrices(speed)
-    poles, right = np.linalg.eig(np.linalg.solve(mat.m, mat.f))
-    roll = [k for k, s in enumerate(structure.states) if s in ("p", "phi")]
-    if len(roll) != 2 or len(poles) != 4:
-        return _mode("yaw", poles) if len(poles) == 2 else {}
-    share = (right * np.linalg.inv(right).T)[roll].sum(axis=0).real  # participation of the roll states
-    pairs = [pair for pair in combinations(range(4), 2) if _closed(poles[list(pair)])]
-    rolling = max(pairs, key=lambda pair: share[list(pair)].sum())
-    yawing = [k for k in range(4) if k not in rolling]
-    return _mode("yaw", poles[yawing]) | _mode("roll", poles[list(rolling)])
-
-
-def _closed(pair: np.ndarray) -> bool:
-    """True for two real poles or a conjugate pair."""
-    return bool(abs(pair.sum().imag) <= 1e-9 * np.abs(pair).max())
-
-
-def _mode(name: str, pair: np.ndarray) -> dict[str, float]:
-    square = float(np.prod(pair).real)
-    if square <= 0:
-        return {}
-    frequency = float(np.sqrt(square))
-    return {f"{name}_frequency": frequency, f"{name}_damping": float(-pair.sum().real / (2 * frequency))}
+    return {n: x for n in UNITS if (x := out.get(n)) is not None}
 
 
 def _slopes(structure: ModelStructure, speed: float, values: Mapping[str, float]) -> dict[str, np.ndarray]:

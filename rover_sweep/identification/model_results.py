@@ -10,7 +10,7 @@ import numpy as np
 
 from rover_sweep.data.geometry import Geometry
 from rover_sweep.data.recording import Array, Recording, data_frame, drawing
-from rover_sweep.data.results import ByName, PlainNumbers, ShortTable, Shown
+from rover_sweep.data.results import ByName, PlainNumbers, Quantity, ShortTable, Shown
 from rover_sweep.identification.conversion import to_control
 from rover_sweep.identification.fit import (
     Condition,
@@ -110,6 +110,18 @@ class ModelResult(PlainNumbers, Shown):
     def to_control(self, pade: int = 2) -> Any:
         """`control.StateSpace` with the delay as a Pade form of this order; as `rs.to_control`."""
         return to_control(self, pade=pade)
+
+    @property
+    def modes(self) -> ByName[Quantity]:
+        """Natural frequency [rad/s], damping ratio and time constant [s] of the yaw and the roll mode.
+
+        At the speed of the fit. With 90 % intervals from the bootstrap, where there is one, which of the
+        bicycle and roll-yaw models also include errors of the structure. Empty for a model without modes.
+
+        >>> result.models["roll-yaw"].modes.keys()[:3]
+        ('yaw_frequency', 'yaw_damping', 'yaw_time_constant')
+        """
+        return self.fit.modes
 
     def plot(self, axes: Any = None) -> Any:
         """Draws the first verification run, measured and predicted; returns matplotlib axes (channels,).

@@ -233,7 +233,8 @@ class Identification(PlainNumbers, Shown):
 
         Also of the fits with one stiffness for each axle, "<model>, Cf and Cr free", and, where that is the
         model itself, "<model>, one C for both axles". Fits with both axles free are refitted with a lag of
-        the steering: with a delay alone, the gain that a servo loses lowers Cf and the yaw frequency.
+        the steering: with a delay alone, the gain that a servo loses lowers Cf. The modes are those of the
+        model itself, as of its matrix A, whose intervals hold those of the refit.
         """
         fits = {
             f"{name}{label}": fit
@@ -249,7 +250,10 @@ class Identification(PlainNumbers, Shown):
             for fit in fits.values()
             if "Cf" in fit.structure.values
         }
-        found = {name: handling(lagged.get(id(fit), fit), error=error) for name, fit in fits.items()}
+        found = {
+            name: handling(lagged.get(id(fit), fit), None, error, self.models[name.partition(",")[0]].fit)
+            for name, fit in fits.items()
+        }
         for name in (f"{self.recommended}, {UNTIED}", self.recommended):
             if name in found and "K_us" in self.numbers:
                 known = self.numbers["K_us"], self.geometry.wheelbase

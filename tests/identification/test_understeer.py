@@ -1,11 +1,13 @@
 """Under- and oversteer from whole identifications of rovers with a servo's lag, whose truth is known."""
 
+import numpy as np
 import pytest
 from synthetic import GEOMETRY, TRUE, driven
 
 from rover_sweep.identification.grouping import Settings
 from rover_sweep.identification.handling import handling
 from rover_sweep.identification.models import refitted_with_lag, roll_yaw, with_steering_lag
+from rover_sweep.identification.modes import mode_values
 from rover_sweep.identification.pipeline import identify
 from rover_sweep.manoeuvre.sweep import Sweep
 
@@ -23,7 +25,7 @@ def case(request):
     others = {n: v for n, v in TRUE.items() if n != "C"}
     apart = roll_yaw(GEOMETRY, tied=False).with_values({**others, "Cf": cf, "Cr": cr})
     run = driven(with_steering_lag(apart).with_values(LAG), Sweep(amplitude=120), noise=0.01, seed=3)
-    result = identify([run], GEOMETRY, settings=Settings(models=("roll-yaw",)))
+    result = identify([run], GEOMETRY, settings=Settings(models=("roll-yaw",), bootstrap=100))
     return request.param, result, apart
 
 
@@ -34,10 +36,22 @@ def test_the_truth_is_inside_all_intervals(case):
     true = handling(type(fit)(apart, fit.speed, (), {}, 0.0))
     assert words in found.sentence
     checked = [n for n, q in found.told.items() if q.low is not None and n in true.quantities]
-    assert len(checked) >= 8
+    assert len(checked) >= 5
     for name in checked:
         q = found.told[name]
         assert q.low <= true[name].value <= q.high, name
+
+
+def test_the_modes_are_those_of_the_poles_and_their_intervals_hold_the_truth(case):
+    _, result, apart = case
+    model = result.models["roll-yaw"]
+    true = mode_values(apart, model.fit.speed)
+    assert len(true) == 6 and model.modes.keys() == tuple(true)
+    for mode in model.modes:
+        assert mode.low <= true[mode.name] <= mode.high, mode.name
+        assert result.handling["roll-yaw"][mode.name] == mode
+    square = model.modes["yaw_frequency"].value ** 2 * model.modes["roll_frequency"].value ** 2
+    assert square == pytest.approx(np.prod(model.fit.structure.poles(model.fit.speed)).real)
 
 
 def test_a_delay_alone_would_lower_the_front_stiffness(case):

@@ -31,8 +31,10 @@ LABELS = {
     "lateral_acceleration_gain": "steady a_y/δ",
     "yaw_frequency": "yaw mode, frequency",
     "yaw_damping": "yaw mode, damping",
+    "yaw_time_constant": "yaw mode, time constant",
     "roll_frequency": "roll mode, frequency",
     "roll_damping": "roll mode, damping",
+    "roll_time_constant": "roll mode, time constant",
 }
 
 
@@ -53,9 +55,9 @@ def handling_table(result: Identification, units: ShownUnits = SI) -> Table | No
     headings = ("", "", *(TITLES.get(name, name) for name in found))
     sentences = "; ".join(f"{TITLES.get(name, name)}: {h.sentence}" for name, h in found.items())
     note = (
-        f"{sentences}. From fits with Cf, Cr and a lag of the steering free. K_us > 0: understeer. "
-        "Intervals: Cramér-Rao bound, and what speed lost in turns, large steering angles and 3 % of "
-        "steering scale change in r/δ."
+        f"{sentences}. From fits with Cf, Cr and a lag of the steering free; the modes are the model's own. "
+        "K_us > 0: understeer. Intervals: Cramér-Rao bound (modes: bootstrap), and what speed lost in "
+        "turns, large steering angles and 3 % of steering scale change in r/δ."
     )
     speed = next(iter(found.values())).speed
     return Table(f"Handling at {speed:.2f} m/s", headings, rows, note, 2)
@@ -92,15 +94,17 @@ def handling_sentence(result: Identification) -> str | None:
 
 def modes_sentence(result: Identification) -> str | None:
     """Frequency and damping of the recommended model's modes; None for a model without tyres."""
-    found = _told(result).get(result.recommended or "")
-    if found is None:
+    model = usable(result).get(result.recommended or "")
+    if model is None:
         return None
-    modes = [
-        f"{mode} {number(frequency, 3)} rad/s with a damping ratio of {number(damping, 2)}"
+    found = model.modes
+    words = [
+        f"{mode} {number(found[f'{mode}_frequency'].value, 3)} rad/s with a damping ratio of "
+        f"{number(found[f'{mode}_damping'].value, 2)}"
         for mode in ("yaw", "roll")
-        if (frequency := found.get(f"{mode}_frequency")) and (damping := found.get(f"{mode}_damping"))
+        if f"{mode}_frequency" in found
     ]
-    return f"Modes at {found.speed:.2f} m/s: {', '.join(modes)}." if modes else None
+    return f"Modes at {model.fit.speed:.2f} m/s: {', '.join(words)}." if words else None
 
 
 def handling_document(result: Identification, verify_runs: Sequence[Recording] = ()) -> dict[str, Any]:
