@@ -25,7 +25,7 @@ from rover_sweep.errors import DataRefused, UsageError
 from rover_sweep.identification.grouping import MODELS
 from rover_sweep.identification.state_space import ModelStructure
 from rover_sweep.identification.toml_form import StructureError, structure_from_text
-from rover_sweep.logs.read import read_runs
+from rover_sweep.logs.read import existing_log, read_runs
 from rover_sweep.quality.faults import each_with_length, is_unexcited
 from rover_sweep.quality.rovers import stopped_at, with_rovers
 from rover_sweep.quality.verdict import CoherenceTable, assess
@@ -234,6 +234,14 @@ def trial_source(given: str) -> TrialSource:
     if colon and label.strip() and not Path(given).exists() and Path(source).expanduser().is_file():
         return TrialSource(source, label.strip())
     return TrialSource(given)
+
+
+def refuse_missing(sources: Sequence[str]) -> None:
+    """UsageError for a source of which a file does not exist."""
+    for source in (trial_source(given).source for given in sources):
+        for part in [source] if Path(source).expanduser().exists() else source.split("+"):
+            if not Path(part).expanduser().is_dir():
+                existing_log(part)
 
 
 def sources_without(sources: Sequence[str], apart: Sequence[str]) -> list[str]:

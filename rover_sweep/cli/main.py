@@ -25,8 +25,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
 
-# {section: {name: one line of help}}, here so that `--help` imports nothing. `dry-run` is
-# `commands.dry_run.dry_run`.
+# {section: {name: one line of help}}, here so that `--help` imports nothing.
 SECTIONS: dict[str, dict[str, str]] = {
     "A field day": {
         "dry-run": "Run the whole workflow on a simulated rover (no hardware).",
@@ -67,6 +66,7 @@ COMMANDS = {name: words for section in SECTIONS.values() for name, words in sect
 
 
 MODULES = {
+    "dry_run": "run",
     "plan": "investigate",
     "replay": "redrive",
     "resume": "run",

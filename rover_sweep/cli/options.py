@@ -37,6 +37,7 @@ class _Declared:
 @dataclass(frozen=True, eq=False)
 class _Together:
     make: Callable[..., Any]
+    instead: Mapping[str, Any]
 
 
 def option(
@@ -65,39 +66,45 @@ def argument(metavar: str | None = None, **settings: Any) -> Any:
     return _Declared(lambda name, _: click.argument(name, metavar=metavar, **settings))
 
 
-def gathered(make: Callable[..., Any]) -> Any:
-    """A value made of several options, which are the defaults of the parameters of `make`.
+def gathered(make: Callable[..., Any], **instead: Any) -> Any:
+    """A value made of several options, which are the defaults of the parameters of `make` (a dataclass).
 
-    A parameter without a default gets the option of that name which the command has besides.
+    A parameter without a default gets the option of that name which the command has besides. instead: other
+    options for some parameters, or values, for which there is then no option.
     """
-    return _Together(make)
+    return _Together(make, instead)
 
 
 def options(command: Callable[..., Any]) -> Callable[..., Any]:
     """Gives the function the options that are the defaults of its parameters, in their order."""
+    whole = gathered(command)
 
     @functools.wraps(command)
     def filled(**given: Any) -> Any:
-        return _made(command, given)
+        return _made(whole, given)
 
-    for parameter in reversed(list(_declared(command))):
+    for parameter in reversed(list(_declared(whole))):
         filled = parameter.default.declare(parameter.name, parameter.annotation == "bool")(filled)
     return filled
 
 
-def _declared(make: Callable[..., Any]) -> Iterator[Parameter]:
-    for parameter in signature(make).parameters.values():
+def _parameters(of: _Together) -> Iterator[Parameter]:
+    for name, parameter in signature(of.make).parameters.items():
+        yield parameter.replace(default=of.instead.get(name, parameter.default))
+
+
+def _declared(of: _Together) -> Iterator[Parameter]:
+    for parameter in _parameters(of):
         if isinstance(parameter.default, _Together):
-            yield from _declared(parameter.default.make)
+            yield from _declared(parameter.default)
         elif isinstance(parameter.default, _Declared):
             yield parameter
 
 
-def _made(make: Callable[..., Any], given: dict[str, Any]) -> Any:
-    defaults = {name: parameter.default for name, parameter in signature(make).parameters.items()}
-    return make(
-        **{n: _made(d.make, given) if isinstance(d, _Together) else given[n] for n, d in defaults.items()}
-    )
+def _made(of: _Together, given: dict[str, Any]) -> Any:
+    given = given | {n: v for n, v in of.instead.items() if not isinstance(v, _Declared | _Together)}
+    made = {p.name: _made(p.default, given) for p in _parameters(of) if isinstance(p.default, _Together)}
+    return of.make(**{p.name: made[p.name] if p.name in made else given[p.name] for p in _parameters(of)})
 
 
 class Grouped(click.Command):
@@ -234,7 +241,6 @@ FULL = option(
 AS_JSON = option("Print identification.json on stdout; tables go to stderr.", flag="--json")
 SESSION = argument(type=click.Path(exists=True, file_okay=False, path_type=Path))
 OUTPUT = option("File to write. [default: stdout]", metavar="FILE", flag="-o --output", default="-")
-ARDUROVER = option("The ArduRover SITL program (else $ROVER_SWEEP_ARDUROVER, else the PATH).", FILE)
 SEED = option("Random seed of noise and road.", click.IntRange(0), default=1)
 
 
@@ -269,6 +275,10 @@ def vehicle_path(given: str | None, runs: Sequence[str] = ()) -> str:
         return str(kept)
     if Path(VEHICLE_FILE).is_file():
         return VEHICLE_FILE
+    if runs:
+        from rover_sweep.api.read import refuse_missing
+
+        refuse_missing(runs)
     raise UsageError(
         "no vehicle file: give --vehicle rover.toml; create one with "
         "`rover-sweep vehicle --example > rover.toml`"

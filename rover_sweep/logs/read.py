@@ -69,7 +69,7 @@ def read_logs(
     parts = [source] if Path(source).is_file() else source.split("+")
     if len(parts) == 2:
         return _pair(parts[0], parts[1], filters, system)
-    path = _existing(source)
+    path = existing_log(source)
     match path.suffix.lower():
         case ".bin":
             return _flash(path, filters)
@@ -102,7 +102,7 @@ def _pair(
     """Both logs of one drive, in either order."""
     from rover_sweep.logs.readers.vehicle_clock import paired
 
-    by_kind = {path.suffix.lower(): path for path in (_existing(first), _existing(second))}
+    by_kind = {path.suffix.lower(): path for path in (existing_log(first), existing_log(second))}
     if set(by_kind) != {".bin", ".tlog"}:
         raise UsageError(f"{first}+{second}: give one .BIN and one .tlog of the same drive")
     telemetry = _telemetry(by_kind[".tlog"], filters, system)
@@ -117,7 +117,8 @@ def _pair(
     return tuple(found)
 
 
-def _existing(name: str) -> Path:
+def existing_log(name: str) -> Path:
+    """The path; UsageError for a folder or a missing file."""
     path = Path(name).expanduser()
     if path.is_dir():
         raise UsageError(f"{name} is a folder; give the path of a .BIN, .tlog or .csv in it")

@@ -49,7 +49,9 @@ def drive_course(
         data = logs[-1].read_bytes() if logs else b""
     begun = first(data, "RDRV", "T")
     if begun is None:
-        raise LinkError("the simulated rover recorded no log of the drive; try again, or use --vehicle plant")
+        raise LinkError(
+            "the simulated rover recorded no log of the drive; try again, or use --simulator plant"
+        )
     shift = float(course.t[0]) + begun[1] - begun[0]
     out.write_bytes(restamped(data, shift, float(course.t[0]), float(course.t[-1])))
 

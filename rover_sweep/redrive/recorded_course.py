@@ -229,8 +229,8 @@ def refuse_instant(parameters: PlantParameters, simulator: str) -> None:
     """UsageError for a `surface_change` at a time, since the clock of this vehicle is not that of the log."""
     if "t" in parameters.effects.get("surface_change", {}):
         raise UsageError(
-            f"surface_change at a time cannot be placed on the clock of --vehicle {simulator}; give its "
-            "distance [m] instead of t, or use --vehicle plant"
+            f"surface_change at a time cannot be placed on the clock of --simulator {simulator}; give its "
+            "distance [m] instead of t, or use --simulator plant"
         )
 
 

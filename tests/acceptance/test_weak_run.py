@@ -7,18 +7,18 @@ import pytest
 from rover_sweep.logs import read_runs
 from rover_sweep.manoeuvre.sweep import Sweep
 from rover_sweep.quality.verdict import assess
-from rover_sweep.session.simulated_rover import DryRun, dry_run
 from rover_sweep.vehicle.events import RunFinished
+from tests.vehicle.simulated_drive import drive_simulated
 
 
 @pytest.fixture(scope="module")
 def verdicts(tmp_path_factory):
-    settings = DryRun(sweeps=(Sweep(amplitude=20.0), Sweep(amplitude=150.0)))
+    runs = {"sweep1": Sweep(amplitude=20.0), "sweep2": Sweep(amplitude=150.0)}
     folder = tmp_path_factory.mktemp("weak") / "session"
     return [
         assess(read_runs(str(event.tlog))[-1])
-        for event in dry_run(settings, folder)
-        if isinstance(event, RunFinished) and event.name.startswith("sweep")
+        for event in drive_simulated(runs, folder)
+        if isinstance(event, RunFinished)
     ]
 
 

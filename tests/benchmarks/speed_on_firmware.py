@@ -5,7 +5,7 @@ proposal.
     DIR]
 
 Takes a throttle sweep that was driven on the firmware (default tests/data/ardurover-4.6.3/throttle/sweep.BIN,
-by `rover-sweep run --vehicle ardurover --throttle-sweep 60`), identifies the speed and proposes the speed
+by `rover-sweep run --simulator ardurover --throttle-sweep 60`), identifies the speed and proposes the speed
 loop. Then drives the same profile (4 steps up and 4 down, a slow sine; by SET_POSITION_TARGET_LOCAL_NED)
 three times with the same plant: the firmware's defaults, the proposal, and the proposal with the default
 ATC_ACCEL_MAX. Prints the error of the speed to the firmware's limited target (PIDA.Tar - PIDA.Act) and to

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 from program_calls import RunProgram
 
-SHORT = ("--wmin", "2", "--wmax", "20", "--trec", "10")
+SHORT = ("--sweep", "160,2,20,10", "--sweep", "320,2,20,10", "--doublet", "150")
 
 
 def test_results_to_stdout_narration_in_order_and_the_truth(
@@ -21,9 +21,7 @@ def test_results_to_stdout_narration_in_order_and_the_truth(
     monkeypatch.chdir(tmp_path)
     (tmp_path / "dry-run").mkdir()
     (tmp_path / "dry-run" / "notes.txt").write_text("mine")
-    done = run_program(
-        "dry-run", *SHORT, "--amplitude", "160"
-    )  # the second sweep is past SWP_PWM_MAX as it comes
+    done = run_program("dry-run", *SHORT)  # the second sweep is past SWP_PWM_MAX as it comes
     assert done.code == 0, done.err
     report, following = done.out.rstrip().splitlines()[-2:]
     assert report == "report: dry-run-2/report/report.html"
@@ -47,14 +45,14 @@ def test_results_to_stdout_narration_in_order_and_the_truth(
     ("arguments", "said"),
     [
         (("--seed", "-1"), "--seed"),
-        (("--amplitude", "201"), "402 us exceeds the 400 us"),
-        (("--wmax", "70"), "9.0 samples per period at the loop rate of 100 Hz"),
-        (("--trec", "700"), "SWP_TREC 700 s is outside 1 to 600"),
-        (("--wmin", "30"), "w_min"),
+        (("--sweep", "402"), "402 us exceeds the 400 us"),
+        (("--sweep", "120,wmax=70"), "9.0 samples per period at the loop rate of 100 Hz"),
+        (("--sweep", "120,trec=700"), "SWP_TREC 700 s is outside 1 to 600"),
+        (("--sweep", "120,wmin=30"), "w_min"),
         (("--variant", "none"), "no variant none"),
         (("--out", "/dev/null/x"), "/dev/null/x cannot be written: Not a directory"),
         (("--out", "file/x"), "cannot be written: Not a directory"),
-        (("--connect", "tcp:127.0.0.1:1"), "--rover-file"),
+        (("--throw-switch", "pilot"), "has no radio for switch 6"),
     ],
 )
 def test_mistakes_are_told_at_once_and_leave_nothing(

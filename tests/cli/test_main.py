@@ -127,6 +127,15 @@ def test_a_usage_error_is_one_line_and_2(
     assert err.startswith("rover-sweep: ") and said in err and err.count("\n") == 1
 
 
+@pytest.mark.parametrize("command", ["identify", "diagnose", "twin"])
+def test_a_missing_recording_is_named_before_the_vehicle_file(
+    command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main.run([command, "run1.BIN+run1.tlog", "--out", "report"]) == 2
+    assert "run1.BIN: there is no such file" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     ("raised", "code", "said"),
     [

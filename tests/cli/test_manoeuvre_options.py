@@ -5,11 +5,12 @@ from __future__ import annotations
 import click
 import pytest
 
-from rover_sweep.cli.vehicle_link import LimitType, ManoeuvreType
+from rover_sweep.cli.driving_options import LimitType, Manoeuvres, ManoeuvreType
 from rover_sweep.errors import UsageError
 from rover_sweep.manoeuvre.multisine import Multisine
-from rover_sweep.manoeuvre.sweep import BiasSweep, Manoeuvre, parameters_of, refuse_undersampled
-from rover_sweep.session.simulated_rover import DryRun
+from rover_sweep.manoeuvre.sweep import BiasSweep, Doublet, Manoeuvre, parameters_of, refuse_undersampled
+from rover_sweep.session.content import SessionRun
+from rover_sweep.session.simulated_rover import SimulatedRover, simulated_plan
 
 
 @pytest.mark.parametrize(
@@ -62,7 +63,8 @@ def test_what_is_too_fast_or_too_far_is_refused_before_anything_starts() -> None
     with pytest.raises(UsageError, match="samples per period"):
         refuse_undersampled(Multisine(w_max=40, periods=4), 50.0)
     with pytest.raises(UsageError, match="a run of 420 us exceeds the 400 us"):
-        _ = DryRun(bias_sweeps=(BiasSweep(amplitude=220, bias=-200),)).plan
-    plan = DryRun(bias_sweeps=(BiasSweep(amplitude=180, bias=200),), multisines=(Multisine(),)).plan
-    assert [run.name for run in plan.runs] == ["sweep1", "sweep2", "multisine1", "bias-sweep1", "doublet"]
+        simulated_plan((SessionRun("far", BiasSweep(amplitude=220, bias=-200)),), SimulatedRover())
+    given = Manoeuvres((), (Doublet(),), (Multisine(),), (BiasSweep(amplitude=180, bias=200),), ())
+    plan = simulated_plan(given.runs, SimulatedRover())
+    assert [run.name for run in plan.runs] == ["multisine1", "bias-sweep1", "doublet"]
     assert plan.settings.extra["pwm_max"] == 380

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 from pathlib import Path
 
 import pytest
 from program_calls import DRIVEN, ROVER, SHORT, RunProgram
 
-from rover_sweep.cli.commands.run import _planned
+from rover_sweep.cli.driving import driven
+from rover_sweep.cli.driving_options import Manoeuvres
 from rover_sweep.cli.views.display import PlainDisplay, live_line
-from rover_sweep.session.simulated_rover import DryRun
+from rover_sweep.manoeuvre.sweep import Sweep
+from rover_sweep.session.content import SessionRun
+from rover_sweep.session.folder import Session
 from rover_sweep.tui.model.plan_rows import FIRST
 from rover_sweep.vehicle.events import Event, Sample, StateChanged
 from sitl import launcher
@@ -165,6 +169,24 @@ def test_amplitudes_and_frequencies_beyond_the_rover_are_refused_before_it_arms(
     assert done.code == 2 and "samples per period at the loop rate of 100 Hz" in done.err
 
 
+def test_resume_says_that_the_log_is_not_downloaded(
+    run_program: RunProgram, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its sentences on the telemetry depend on it, as those of `run`."""
+    with contextlib.closing(Session.open(tmp_path)) as session:
+        session.plan((SessionRun("sweep1", Sweep()),))
+    given: dict[str, object] = {}
+
+    def shown(*_: object, **options: object) -> None:
+        given.update(options)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(driven, "show_session", shown)
+    command = ("resume", str(tmp_path), "--connect", "tcp:127.0.0.1:1", "--vehicle", ROVER, "--no-log")
+    assert run_program(*command).code == 130
+    assert given["logs"] is False and given["go_on"]
+
+
 def test_the_live_line_names_what_matters_and_fits() -> None:
     line = live_line(Sample(1.0, 6, 1620.0, -0.5, 2.25, 2.4, 12.3), "waiting for speed")
     assert len(line) <= 80
@@ -176,8 +198,7 @@ def test_the_live_line_names_what_matters_and_fits() -> None:
 
 def test_without_a_manoeuvre_every_command_plans_the_same_runs() -> None:
     """Sweeps at two amplitudes and a doublet, as the documentation advises."""
-    run, session = _planned((), (), (), (), ()), FIRST
+    run, session = Manoeuvres((), (), (), (), ()).runs, FIRST
     assert [planned.manoeuvre for planned in run] == [row.manoeuvre for row in session]
-    assert [planned.manoeuvre for planned in DryRun().plan.runs] == [row.manoeuvre for row in session]
     first, second, last = (planned.manoeuvre.amplitude for planned in run)
     assert (first, second, last) == (120.0, 240.0, 150.0)

@@ -16,7 +16,7 @@ def test_a_throttle_sweep_from_the_drive_to_the_law(
 ) -> None:
     out = tmp_path / "run"
     sweep = "60,0.4,8,20,fade=1,dwell=1,straight=1"
-    assert run(["run", "--vehicle", "embedded", "--throttle-sweep", sweep, "--out", str(out)]) == 0
+    assert run(["run", "--simulator", "embedded", "--throttle-sweep", sweep, "--out", str(out)]) == 0
     said = capsys.readouterr()
     assert "response of the speed to the throttle" in said.out.lower() and "discard" not in said.err
     found = json.loads((out / "report" / "speed.json").read_text())
@@ -31,5 +31,5 @@ def test_a_sweep_past_the_limit_is_refused_before_anything_moves(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     given = ["--throttle-sweep", "600", "--out", str(tmp_path / "run")]
-    assert run(["run", "--vehicle", "embedded", *given]) != 0
+    assert run(["run", "--simulator", "embedded", *given]) != 0
     assert "SWP_AMP 600" in capsys.readouterr().err

@@ -54,7 +54,7 @@ def test_twin_corrects_and_writes_everything(run_program, drawn, tmp_path, monke
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (("--vehicle", "plant", "--vehicle", "embedded"), "at most one vehicle file"),
+        (("--vehicle", "embedded"), "there is no vehicle file embedded"),
         (("--vehicle", "no.toml"), "no.toml"),
         (("--variant", "no-such"), "no variant no-such"),
     ],
@@ -92,8 +92,11 @@ def test_a_table_without_pwm_is_refused_at_once(run_program, drawn, tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (("--simulation", "plant", "--simulation", "embedded"), "give one of plant, embedded, ardurover"),
-        (("--variant", "nominal"), "needs --simulation plant, embedded or ardurover"),
+        (
+            ("--simulation", "sim1.BIN", "--simulator", "plant"),
+            "--simulator and --simulation are alternatives",
+        ),
+        (("--variant", "nominal"), "--variant nominal needs --simulator"),
     ],
 )
 def test_diagnose_says_what_is_wrong_with_the_simulation(run_program, drawn, tmp_path, arguments, words):
@@ -128,7 +131,7 @@ def test_diagnose_drives_a_simulator_and_compares(run_program, drawn, tmp_path, 
     variant = tmp_path / "mine.toml"
     variant.write_text('base = "nominal"\nfriction = 1.5\nyaw_inertia = 0.09\nroll_stiffness = 14.5\n')
     out = tmp_path / "report"
-    simulated = ("--simulation", "plant", "--variant", str(variant))
+    simulated = ("--simulator", "plant", "--variant", str(variant))
     done = run_program(
         "diagnose", str(path), "--vehicle", str(vehicle), *simulated, "--out", str(out), "--json"
     )

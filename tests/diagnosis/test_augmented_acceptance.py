@@ -53,13 +53,13 @@ def test_the_diagnosed_rover_drives_run_4_as_it_was_and_the_nominal_does_not(
     nominal = "nominal" if ground == "rough" else str(tmp_path / "smooth.toml")
     variants = {
         "nominal": [nominal],
-        "with its lengths and masses": [nominal, "--rover-file", str(VEHICLE)],
+        "with its lengths and masses": [nominal, "--vehicle", str(VEHICLE)],
         "diagnosed": [str(variant)],
     }
     found = {}
     for name, words in variants.items():
         out = tmp_path / f"{name}.BIN"
-        assert run(["redrive", RUN4, "--vehicle", "plant", "--variant", *words, "--out", str(out)]) == 0
+        assert run(["redrive", RUN4, "--simulator", "plant", "--variant", *words, "--out", str(out)]) == 0
         found[name] = errors(out)
     with capsys.disabled():
         print(

@@ -12,7 +12,6 @@ from rover_sweep.logs import read_runs
 from rover_sweep.manoeuvre.sweep import Sweep
 from rover_sweep.quality.coherence import judged_responses, responses
 from rover_sweep.quality.verdict import assess
-from rover_sweep.session.simulated_rover import DryRun, dry_run
 from rover_sweep.spectra.amplitude import (
     WANTED_COHERENCE,
     AmplitudeProposal,
@@ -24,6 +23,7 @@ from rover_sweep.spectra.amplitude import (
 )
 from rover_sweep.spectra.response import FrequencyResponse
 from rover_sweep.spectra.windowed import OVERLAP_CONSTANT
+from tests.vehicle.simulated_drive import drive_simulated
 
 W = np.geomspace(0.4, 25.6, 121)
 MANY = 40.0  # averages
@@ -110,7 +110,7 @@ def test_where_nothing_answers_the_proposal_is_a_lower_bound() -> None:
 
 
 def sweep_driven(amplitude: float, folder: Path) -> tuple[Recording, AmplitudeProposal]:
-    list(dry_run(DryRun(sweeps=(Sweep(amplitude=amplitude),), seed=7), folder))
+    list(drive_simulated({"sweep1": Sweep(amplitude=amplitude)}, folder, seed=7))
     (run,) = read_runs(str(folder / "sweep1.tlog"))
     return run, assess(run).next
 

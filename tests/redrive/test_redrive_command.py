@@ -27,11 +27,11 @@ RUN = "ardurover-4.6.3/applet/run2.BIN"
         (("{tmp}/none.BIN", "--out", "{tmp}/again.BIN"), 2, "there is no such file"),
         (("{log}", "--out", "{tmp}/again.BIN", "--variant", "icy"), 2, "no variant icy: give one of"),
         (("{log}", "--out", "{tmp}/again.BIN", "--variant", "{tmp}/bad.toml"), 2, "there is no effect slack"),
-        (("{log}", "--out", "{tmp}/again.BIN", "--rover-file", "no.toml"), 2, "there is no vehicle file"),
+        (("{log}", "--out", "{tmp}/again.BIN", "--vehicle", "no.toml"), 2, "there is no vehicle file"),
         (
-            ("{log}", "--out", "{tmp}/again.BIN", "--variant", "{tmp}/ice.toml", "--vehicle", "embedded"),
+            ("{log}", "--out", "{tmp}/again.BIN", "--variant", "{tmp}/ice.toml", "--simulator", "embedded"),
             2,
-            "surface_change at a time cannot be placed on the clock of --vehicle embedded",
+            "surface_change at a time cannot be placed on the clock of --simulator embedded",
         ),
         (
             ("{log}", "--out", "{tmp}/again.BIN", "--variant", "{tmp}/rub.toml"),
@@ -45,7 +45,7 @@ RUN = "ardurover-4.6.3/applet/run2.BIN"
         ),
         (("{tmp}/old.BIN", "--out", "{tmp}/again.BIN"), 3, "is empty"),
         (
-            ("{log}", "--out", "{tmp}/again.BIN", "--vehicle", "ardurover", "--ardurover", "{tmp}/no"),
+            ("{log}", "--out", "{tmp}/again.BIN", "--simulator", "ardurover", "--ardurover", "{tmp}/no"),
             4,
             "is not an executable program",
         ),
@@ -106,7 +106,7 @@ def test_the_target_is_written_whole_or_not_at_all(
 def test_says_whose_numbers_it_takes(data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "loose.toml").write_text('base = "nominal"\n[effects]\nsteering_backlash = { b = 0.012 }\n')
     out = tmp_path / "again.BIN"
-    options = ["--variant", str(tmp_path / "loose.toml"), "--rover-file", str(data / "rover.toml")]
+    options = ["--variant", str(tmp_path / "loose.toml"), "--vehicle", str(data / "rover.toml")]
     assert run(["redrive", str(data / RUN), *options, "--out", str(out)]) == 0
     printed = capsys.readouterr()
     assert "loose.toml" in printed.err and "rover.toml" in printed.err and "Izz 0.069" in printed.err

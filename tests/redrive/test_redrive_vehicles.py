@@ -32,7 +32,16 @@ def agrees(source: Path, again: Path, share: float = 0.09) -> None:
 def test_embedded(data: Path, truth: Path, tmp_path: Path, name: str, share: float) -> None:
     """With the applet's rows; with RCOU alone, which has 25 rad/s at 10 Hz; from the telemetry."""
     source, out = data / "ardurover-4.6.3" / name, tmp_path / "again.BIN"
-    arguments = ["redrive", str(source), "--variant", str(truth), "--vehicle", "embedded", "--out", str(out)]
+    arguments = [
+        "redrive",
+        str(source),
+        "--variant",
+        str(truth),
+        "--simulator",
+        "embedded",
+        "--out",
+        str(out),
+    ]
     assert run(arguments) == 0
     agrees(source, out, share)
 
@@ -44,7 +53,16 @@ def test_real_firmware(data: Path, truth: Path, tmp_path: Path) -> None:
     except LaunchError as error:
         pytest.skip(str(error))
     source, out = data / "ardurover-4.6.3" / "applet" / "run2.BIN", tmp_path / "again.BIN"
-    arguments = ["redrive", str(source), "--variant", str(truth), "--vehicle", "ardurover", "--out", str(out)]
+    arguments = [
+        "redrive",
+        str(source),
+        "--variant",
+        str(truth),
+        "--simulator",
+        "ardurover",
+        "--out",
+        str(out),
+    ]
     assert run(arguments) == 0
     agrees(source, out)
     assert out.stat().st_size < 3 * source.stat().st_size

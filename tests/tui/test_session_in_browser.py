@@ -14,8 +14,8 @@ import pytest
 pytest.importorskip("textual_serve")
 from aiohttp import ClientSession, WSServerHandshakeError, web
 
-from rover_sweep.cli.driving import job as served_session
-from rover_sweep.cli.driving.job import program
+from rover_sweep.cli.commands import session as served_session
+from rover_sweep.cli.commands.session import program
 from rover_sweep.cli.main import run
 from rover_sweep.files.replaced import end_with_parent
 from rover_sweep.tui import session_server

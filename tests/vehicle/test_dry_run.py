@@ -15,25 +15,23 @@ from pymavlink import mavutil
 
 from rover_sweep.logs.read import read_runs
 from rover_sweep.manoeuvre.sweep import Doublet, Sweep
-from rover_sweep.session.simulated_rover import DryRun, dry_run
 from rover_sweep.vehicle.events import LogSaved, Notice, RunFinished, SessionFinished
 from rover_sweep.vehicle.link.link import Link
 from rover_sweep.vehicle.link.streams import stream_fault
 from rover_sweep.vehicle.run.controls import pump
 from sitl import launcher
+from tests.vehicle.simulated_drive import drive_simulated
 
-SHORT = DryRun(
-    sweeps=(
-        Sweep(amplitude=120, w_min=2, w_max=20, t_rec=10),
-        Sweep(amplitude=240, w_min=2, w_max=20, t_rec=10),
-    ),
-    doublet=Doublet(count=1),
-)
+SHORT = {
+    "sweep1": Sweep(amplitude=120, w_min=2, w_max=20, t_rec=10),
+    "sweep2": Sweep(amplitude=240, w_min=2, w_max=20, t_rec=10),
+    "doublet": Doublet(count=1),
+}
 
 
 def test_two_sweeps_and_a_doublet(tmp_path: Path) -> None:
     began = time.monotonic()
-    events = list(dry_run(SHORT, tmp_path))
+    events = list(drive_simulated(SHORT, tmp_path))
     assert time.monotonic() - began < 40
     assert not [event for event in events if isinstance(event, Notice) and event.level == "warning"]
     finished = [event for event in events if isinstance(event, RunFinished)]
@@ -67,9 +65,13 @@ def test_two_sweeps_and_a_doublet(tmp_path: Path) -> None:
 _STATION = """
 import sys, pathlib, signal
 signal.signal(signal.SIGINT, signal.default_int_handler)
-from rover_sweep.session.simulated_rover import DryRun, dry_run
+from rover_sweep.manoeuvre.sweep import Sweep
+from rover_sweep.session.content import SessionRun
+from rover_sweep.session.session import drive
+from rover_sweep.session.simulated_rover import SimulatedRover, simulated_plan
 from rover_sweep.vehicle.events import StateChanged
-for event in dry_run(DryRun(url=sys.argv[1], consent=True), pathlib.Path(sys.argv[2])):
+plan = simulated_plan((SessionRun("sweep1", Sweep()),), SimulatedRover())
+for event in drive(sys.argv[1], pathlib.Path(sys.argv[2]), plan):
     if isinstance(event, StateChanged): print(event.state, flush=True)
 """
 

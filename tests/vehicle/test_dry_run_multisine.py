@@ -11,9 +11,9 @@ from rover_sweep.data.recording import Recording
 from rover_sweep.logs.read import read_runs
 from rover_sweep.manoeuvre.multisine import Multisine
 from rover_sweep.manoeuvre.sweep import BiasSweep, Doublet
-from rover_sweep.session.simulated_rover import DryRun, dry_run
 from rover_sweep.spectra.harmonics import Harmonics, harmonics
 from rover_sweep.vehicle.events import LogSaved, RunFinished
+from tests.vehicle.simulated_drive import drive_simulated
 
 MULTISINE = Multisine(amplitude=250, w_min=0.6, w_max=16, t_rec=24, periods=3)
 BIAS_SWEEP = BiasSweep(amplitude=80, bias=120, w_min=2, w_max=16, t_rec=8)
@@ -21,14 +21,12 @@ ASYMMETRIC = "steering_asymmetry = { e = 0.15 }"
 CUBIC = "steering_nonlinearity = { c3 = -4.0 }"
 
 
-def driven(folder: Path, effects: str, bias_sweeps: tuple[BiasSweep, ...] = ()) -> tuple[Recording, ...]:
+def driven(folder: Path, effects: str, bias_sweep: BiasSweep | None = None) -> tuple[Recording, ...]:
     """The runs in the log of a rover with these effects, each of which came to its end."""
     variant = folder / "variant.toml"
     variant.write_text(f'base = "nominal"\n[effects]\n{effects}\n')
-    settings = DryRun(
-        sweeps=(), multisines=(MULTISINE,), bias_sweeps=bias_sweeps, doublet=Doublet(count=1), variant=variant
-    )
-    events = list(dry_run(settings, folder))
+    runs = {"multisine1": MULTISINE, **({"bias-sweep1": bias_sweep} if bias_sweep else {})}
+    events = list(drive_simulated({**runs, "doublet": Doublet(count=1)}, folder, variant))
     assert all(event.completed for event in events if isinstance(event, RunFinished))
     (saved,) = [event.path for event in events if isinstance(event, LogSaved)]
     return read_runs(str(saved))
@@ -39,7 +37,7 @@ def shown(run: Recording) -> Harmonics:
 
 
 def test_lopsided_steering_shows_at_even_lines(tmp_path: Path) -> None:
-    runs = driven(tmp_path, ASYMMETRIC, (BIAS_SWEEP,))
+    runs = driven(tmp_path, ASYMMETRIC, BIAS_SWEEP)
     assert [run.kind for run in runs] == ["multisine", "bias_sweep", "doublet"]
     bent = runs[1].manoeuvre("pwm").x
     assert (bent.max(), bent.min()) == pytest.approx((1700, 1500), abs=1)

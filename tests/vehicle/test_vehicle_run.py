@@ -12,7 +12,6 @@ from pymavlink.dialects.v20 import ardupilotmega as m
 
 from rover_sweep.errors import LinkError, UsageError
 from rover_sweep.manoeuvre.sweep import Doublet
-from rover_sweep.session.simulated_rover import DryRun, dry_run
 from rover_sweep.vehicle.events import (
     Armed,
     Event,
@@ -228,9 +227,3 @@ def test_a_switch_that_the_radio_holds_up_is_named(
     settings = RunSettings(arm=True, throttle_us=1710, trigger="aux", patience=20)
     with pytest.raises(LinkError, match="radio holds that channel at 1500 us.*throw switch 6 low"):
         list(_run(link, tmp_path, settings))
-
-
-def test_a_dry_run_on_a_foreign_vehicle_needs_consent(vehicle: FakeVehicle, tmp_path: Path) -> None:
-    with pytest.raises(UsageError, match="arms and drives the vehicle on tcp"):
-        list(dry_run(DryRun(url=vehicle.url), tmp_path))
-    assert not vehicle.received

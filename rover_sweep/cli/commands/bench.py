@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from rover_sweep.cli.options import FILE, FOLDER, NumbersType, option, options, session_folder, vehicle_path
-from rover_sweep.cli.vehicle_link import ACCESS, URL_HELP
+from rover_sweep.cli.vehicle_link import ACCESS, MAYBE_CONNECT
 from rover_sweep.cli.views.output import echo, echo_json
 from rover_sweep.errors import RoverSweepError, UsageError
 
@@ -28,7 +28,7 @@ STEPS = (50.0, 100.0, 150.0)
 @click.command()
 @options
 def bench(
-    connect: str | None = option(URL_HELP, metavar="URL"),
+    connect: str | None = MAYBE_CONNECT,
     access: Access = ACCESS,
     vehicle: str | None = option("Vehicle file to read and update (default: rover.toml here).", FILE),
     hand: bool = option("Read the wheel angles by hand and type them."),

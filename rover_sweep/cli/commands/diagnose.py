@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 
 import click
 
+from rover_sweep.cli.driving_options import ARDUROVER, SIMULATORS, SimulationOptions, simulator_option
 from rover_sweep.cli.options import (
-    ARDUROVER,
     EFFECTS,
     FILE,
     FOLDER,
@@ -40,11 +40,21 @@ if TYPE_CHECKING:
     from rover_sweep.diagnosis.result import Baseline, Diagnosis
     from sitl.plant.variant import PlantParameters
 
-SIMULATORS = ("plant", "embedded", "ardurover")
 RANDOM = option("Random seed.", click.IntRange(min=0), default=1)
 _BASELINE = option(
     "Baseline model to test (default: roll-yaw, or less if the runs do not determine roll or tyres).",
     click.Choice(("roll-yaw", "bicycle", "lumped", "kinematic")),
+)
+
+
+_SIMULATION = gathered(
+    SimulationOptions,
+    simulator=simulator_option(None, SIMULATORS),
+    variant=option(
+        "Simulated rover of --simulator, as in redrive (default: nominal, with the vehicle file's numbers).",
+        metavar="NAME|FILE",
+    ),
+    seed=RANDOM,
 )
 
 
@@ -54,7 +64,7 @@ _BASELINE = option(
         "Runs": "vehicle_file hold_out columns",
         "Results": "out full as_json",
         "What is tested": "baseline model only without time_limit",
-        "Comparison with a simulation": "simulation variant ardurover",
+        "Comparison with a simulation": "simulation simulator variant ardurover",
     },
 )
 @options
@@ -64,20 +74,11 @@ def diagnose(
     baseline: Baseline | None = _BASELINE,
     model: str | None = option("Test an identified model: the identification.json of a report.", FILE),
     simulation: tuple[str, ...] = option(
-        "Recording of a simulation with the steering of a RUN, to compare; may be repeated. Or plant, "
-        "embedded or ardurover, which is then driven like the RUNs.",
-        metavar="RUN|SIMULATOR",
+        "Recording of a simulation with the steering of a RUN, to compare; may be repeated.",
+        metavar="RUN",
         multiple=True,
     ),
-    variant: str | None = option(
-        "Simulated rover of --simulation plant, embedded or ardurover (default: nominal, with the vehicle "
-        "file's numbers).",
-        metavar="NAME|FILE",
-    ),
-    ardurover: str | None = option(
-        "The ArduRover SITL program of --simulation ardurover (else $ROVER_SWEEP_ARDUROVER, else the PATH).",
-        FILE,
-    ),
+    driven: SimulationOptions = _SIMULATION,
     hold_out: tuple[str, ...] = option(
         "Run kept out of the fit, to check the result; may be repeated (default: the doublets).",
         metavar="RUN",
@@ -88,7 +89,6 @@ def diagnose(
     time_limit: float | None = option(
         "Stop after this time and report the findings so far.", click.FloatRange(1), "S"
     ),
-    seed: int = option("Random seed of the bootstrap.", click.IntRange(0), default=1),
     reading: Reading = READING,
     out: str = REPORT,
     as_json: bool = option("Print diagnosis.json on stdout; tables go to stderr.", flag="--json"),
@@ -100,8 +100,8 @@ def diagnose(
 
     RUN is a .BIN, a .tlog, a .csv (with --columns), log.BIN+log.tlog, or a session's folder. Runs at two
     amplitudes and two speeds separate most effects; `rover-sweep plan` shows which. --simulation compares a
-    simulation with the recordings too, and says what it has otherwise. Ctrl-C reports the findings so far and
-    exits with code 130.
+    simulation with the recordings too, and says what it has otherwise; --simulator drives one like the RUNs
+    for that. Ctrl-C reports the findings so far and exits with code 130.
     """
     from rover_sweep.api.diagnosis_input import candidates_left, material, nominal_of, time_limit_of
     from rover_sweep.api.read import load_steered
@@ -109,18 +109,20 @@ def diagnose(
     from rover_sweep.data.vehicle_file import load as load_vehicle
     from rover_sweep.diagnosis.result import DiagnosisSettings
 
-    simulator = _simulator_of(simulation, variant)
-    simulated = () if simulator else simulation
-    if model and simulated:
-        raise UsageError("--model and --simulation are alternatives; give only one of them")
+    simulator, seed = driven.simulator, driven.seed
+    if simulation and (model or simulator):
+        other = "--model" if model else "--simulator"
+        raise UsageError(f"{other} and --simulation are alternatives; give only one of them")
+    if driven.variant and not simulator:
+        raise UsageError(f"--variant {driven.variant} needs --simulator")
     limit = time_limit_of(time_limit)
     name, values = nominal_of(Path(model), baseline) if model else (baseline, {})
-    chosen, left_out = candidates_left(only, without, None if simulated else name)
+    chosen, left_out = candidates_left(only, without, None if simulation else name)
     settings = DiagnosisSettings(name, chosen, left_out, limit, seed, values)
     check_report_folder(Path(out), ("diagnosis.json",), ("diagnosis.html", "variant.toml"))
     path = Path(vehicle_path(vehicle_file, runs))
     vehicle = load_vehicle(path)
-    sources = (*runs, *hold_out, *simulated)
+    sources = (*runs, *hold_out, *simulation)
 
     def read(some: tuple[str, ...]) -> tuple[Recording, ...]:
         return load_steered(some, vehicle, reading, [s for s in sources if s not in some]) if some else ()
@@ -130,30 +132,16 @@ def diagnose(
         from rover_sweep.twin.loop import laws_of, recorded_drives, simulated_drives, with_measured
 
         assert simulator is not None and found.model is not None
-        rover = simulated_rover(variant or "nominal", None)
-        rover = rover if variant else with_measured(rover, vehicle)[0]
+        rover = simulated_rover(driven.variant or "nominal", None)
+        rover = rover if driven.variant else with_measured(rover, vehicle)[0]
         _say(f"driving the simulated rover ({simulator}) like the recordings")
         drives, folder = recorded_drives(sources, reading.columns), Path(out) / "simulated"
-        binary = Path(ardurover) if ardurover else None
-        paths = simulated_drives(drives, rover, folder, simulator, binary, seed, _say)
+        paths = simulated_drives(drives, rover, folder, simulator, driven.binary, seed, _say)
         again = replace(reading, columns=None)
         return load_steered(paths, vehicle, again, sources), laws_of(rover, found.model)
 
-    given = material(read(runs), read(hold_out), read(simulated))
+    given = material(read(runs), read(hold_out), read(simulation))
     show_diagnosed(given, (vehicle, path), settings, Path(out), as_json, drive if simulator else None, full)
-
-
-def _simulator_of(simulated: Sequence[str], variant: str | None) -> str | None:
-    """The simulator that --simulation names, None where it names recordings. UsageError for a mixture."""
-    named = [s for s in simulated if s in SIMULATORS]
-    if named and len(simulated) > 1:
-        raise UsageError(
-            f"--simulation {', '.join(simulated)}: give one of {', '.join(SIMULATORS)}, or recordings of a "
-            "simulation"
-        )
-    if variant and not named:
-        raise UsageError(f"--variant {variant} needs --simulation plant, embedded or ardurover")
-    return named[0] if named else None
 
 
 def _say(words: str) -> None:
@@ -182,34 +170,31 @@ class TwinCall:
     """What the user asked for."""
 
     runs: tuple[str, ...] = argument("RUN...", nargs=-1, required=True)
-    variant: str = option(
-        "Simulated rover to begin with, as in redrive. A named one gets the numbers of the vehicle file.",
-        metavar="NAME|FILE",
-        default="nominal",
-    )
     hold_out: tuple[str, ...] = option(
         "Run that only checks the result; may be repeated (default: the doublets).",
         metavar="RUN",
         multiple=True,
     )
-    vehicle: tuple[str, ...] = option(
-        "Vehicle file (default: the session's, or rover.toml here); or embedded or ardurover, which then "
-        "drives the corrected rover once more. May be given twice.",
-        metavar="FILE|SIMULATOR",
-        multiple=True,
+    vehicle: str | None = VEHICLE
+    simulation: SimulationOptions = gathered(
+        SimulationOptions,
+        variant=option(
+            "Simulated rover to begin with, as in redrive. A named one gets the numbers of the vehicle file.",
+            metavar="NAME|FILE",
+            default="nominal",
+        ),
+        simulator=option(
+            "embedded or ardurover: drive the corrected rover once more on it.",
+            click.Choice(SIMULATORS),
+            default="plant",
+        ),
+        seed=RANDOM,
     )
-    ardurover: str | None = ARDUROVER
-    seed: int = RANDOM
     reading: Reading = READING
     out: str = option(
         "Folder of the report and of the variant file; created if missing.", FOLDER, required=True
     )
     as_json: bool = option("Print twin.json on stdout; tables go to stderr.", flag="--json")
-
-    @property
-    def simulator(self) -> str:
-        """That drives the last round."""
-        return next((v for v in self.vehicle if v in SIMULATORS), "plant")
 
 
 TWIN = gathered(TwinCall)
@@ -232,16 +217,9 @@ def correct(call: TwinCall = TWIN) -> None:
     from rover_sweep.report.on_terminal import WIDTH, on_terminal
     from rover_sweep.report.wording import provenance
 
-    simulators = [v for v in call.vehicle if v in SIMULATORS]
-    files = [v for v in call.vehicle if v not in SIMULATORS]
-    if len(simulators) > 1 or len(files) > 1:
-        raise UsageError(
-            f"--vehicle {', '.join(call.vehicle)}: give at most one vehicle file, and at most one of "
-            f"{', '.join(SIMULATORS)}"
-        )
     out = Path(call.out)
     check_writable(out)
-    path = Path(vehicle_path(files[0] if files else None, call.runs))
+    path = Path(vehicle_path(call.vehicle, call.runs))
     console, shown = narration(), results(call.as_json)
     vehicle = load(path)
     rover, measured = _begin(call, vehicle, path)
@@ -269,10 +247,11 @@ def _begin(call: TwinCall, vehicle: Vehicle, path: Path) -> tuple[PlantParameter
     from rover_sweep.redrive.recorded_course import refuse_instant, simulated_rover
     from rover_sweep.twin.loop import with_measured
 
-    rover = simulated_rover(call.variant, None)
-    if call.simulator != "plant":
-        refuse_instant(rover, call.simulator)
-    if call.variant.endswith(".toml"):
+    variant, simulator = call.simulation.variant, call.simulation.simulator or "plant"
+    rover = simulated_rover(variant, None)
+    if simulator != "plant":
+        refuse_instant(rover, simulator)
+    if variant.endswith(".toml"):
         return rover, ()
     try:
         return with_measured(rover, vehicle)
@@ -306,9 +285,9 @@ def _twin(
 
     count, sources = 0, (*call.runs, *call.hold_out)
     drives = recorded_drives(sources, call.reading.columns)
-    binary = Path(call.ardurover) if call.ardurover else None
+    simulator, seed = call.simulation.simulator or "plant", call.simulation.seed
     fitted: dict[tuple[str, ...], FittedSide] = {}
-    found = diagnosis_of(given, vehicle, DiagnosisSettings(seed=call.seed), stop)
+    found = diagnosis_of(given, vehicle, DiagnosisSettings(seed=seed), stop)
     if found.model is None:
         raise DataRefused(f"the recordings were refused: {found.sentence}")
 
@@ -318,7 +297,8 @@ def _twin(
         nonlocal count
         count += 1
         folder = Path(call.out) / "simulated" / f"drive{count}"
-        paths = simulated_drives(drives, rover, folder, simulator, binary, call.seed + 10 * count, _say)
+        binary = call.simulation.binary
+        paths = simulated_drives(drives, rover, folder, simulator, binary, seed + 10 * count, _say)
         return load_steered(paths, vehicle, replace(call.reading, columns=None), sources)
 
     def compare(
@@ -334,19 +314,17 @@ def _twin(
             simulated,
             found,
             laws,
-            call.seed,
+            seed,
             fitted=fitted,
             measured=known,
             changed=changed,
         )
 
     twin, rover = twin_of(rover, measured, found.model, drive, compare, _say, stop)
-    if call.simulator != "plant" and not stop():
-        _say(f"driving the corrected rover on {call.simulator}")
-        twin = with_last_drive(
-            twin, rover, found.model, lambda r: drive(r, call.simulator), compare, call.simulator
-        )
-    text = variant_with_reasons(rover, twin.corrections, call.variant)
+    if simulator != "plant" and not stop():
+        _say(f"driving the corrected rover on {simulator}")
+        twin = with_last_drive(twin, rover, found.model, lambda r: drive(r, simulator), compare, simulator)
+    text = variant_with_reasons(rover, twin.corrections, call.simulation.variant)
     remarks = tuple(r for r in found.remarks if "held out" in r)
     return replace(twin, variant=text, remarks=(*twin.remarks, *remarks))
 
@@ -365,6 +343,6 @@ def serve(
     Starts ArduRover's SITL with the twin as its physics and prints where to connect a ground station; nothing
     arms or moves by itself. --physics serves only the JSON interface. Ctrl-C ends it.
     """
-    from rover_sweep.cli.driving.job import serve_twin
+    from rover_sweep.cli.driving.simulated import serve_twin
 
     serve_twin(Path(directory), Path(ardurover) if ardurover else None, physics, instance, seed)

@@ -3,19 +3,12 @@
 from __future__ import annotations
 
 import re
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from rover_sweep.cli.driving.simulated import (
-    SIMULATION,
-    SIMULATORS,
-    SimulationOptions,
-    refuse_on_simulated,
-    refuse_without_simulation,
-)
+from rover_sweep.cli.driving_options import DRIVEN_SIMULATION, NO_LOG, PHYSICS, Permissions, SimulationOptions
 from rover_sweep.cli.options import (
     EFFECTS,
     FILE,
@@ -24,42 +17,41 @@ from rover_sweep.cli.options import (
     GroundType,
     NumberRange,
     argument,
+    gathered,
     option,
     options,
     vehicle_path,
 )
-from rover_sweep.cli.vehicle_link import (
-    ACCESS,
-    ARM,
-    PILOT_PATIENCE,
-    SWITCH_AS_RUN,
-    THROTTLE_PWM,
-    URL_HELP,
-    LimitType,
-)
+from rover_sweep.cli.vehicle_link import ACCESS, MAYBE_CONNECT
 from rover_sweep.cli.views.output import echo_json
 from rover_sweep.errors import UsageError
 
 if TYPE_CHECKING:
-    from rover_sweep.api.investigation import Bounds
     from rover_sweep.api.read import Reading
-    from rover_sweep.cli.views.display import PlainDisplay
     from rover_sweep.diagnosis.plans.planner import PlannedRun
+    from rover_sweep.session.simulated_rover import Physics
     from rover_sweep.vehicle.link.connection import Access
-    from rover_sweep.vehicle.run.controls import Trigger
 
 ABOVE_LEAST = 1.2  # a run is so much faster than the least speed of the applet
+_ALLOWED = gathered(
+    Permissions,
+    throttle=option(
+        "With --arm: allow this program to drive, with at most this throttle PWM.",
+        click.IntRange(1000, 2000),
+        "US",
+    ),
+)
 
 
 @click.command()
 @options
 def investigate(
     recorded: tuple[str, ...] = argument("[RUN]...", nargs=-1),
-    connect: str | None = option(URL_HELP, metavar="URL"),
+    connect: str | None = MAYBE_CONNECT,
     access: Access = ACCESS,
     vehicle: str | None = option(
-        "Vehicle file (default: the session's, or rover.toml here), or the simulated rover to start.",
-        metavar="FILE|embedded|ardurover",
+        "Vehicle file. [default: the session's, or rover.toml here; of a simulated rover, its true numbers]",
+        FILE,
     ),
     runs: int = option("Most runs.", click.IntRange(1, 50), default=6),
     speed: float = option(
@@ -78,16 +70,10 @@ def investigate(
         "PERCENT",
         default=20.0,
     ),
-    limit: tuple[tuple[str, float], ...] = option(
-        "Limit of the applet, as in `run`.", LimitType(), multiple=True
-    ),
-    arm: bool = ARM,
-    throttle: int | None = option(
-        "With --arm: allow this program to drive, with at most this throttle PWM.", THROTTLE_PWM, "US"
-    ),
-    throw_switch: Trigger | None = SWITCH_AS_RUN,
-    no_log: bool = option("Do not download the rover's log; diagnose from telemetry."),
-    simulation: SimulationOptions = SIMULATION,
+    allowed: Permissions = _ALLOWED,
+    no_log: bool = NO_LOG,
+    simulation: SimulationOptions = DRIVEN_SIMULATION,
+    physics: Physics = PHYSICS,
     out: str | None = option("Folder; that of an earlier call is continued.", FOLDER),
     as_json: bool = option("Print investigation.json on stdout.", flag="--json"),
 ) -> None:
@@ -102,121 +88,31 @@ def investigate(
     rover-sweep investigate today            shows the next step only, and drives nothing
     """
     from rover_sweep.api.investigation import Bounds
+    from rover_sweep.cli.driving import driven, investigating
 
-    applet = dict(limit)
+    applet = dict(allowed.limit)
     largest = min((v for v in (amplitude, applet.get("pwm_max")) if v is not None), default=None)
     slowest = ABOVE_LEAST * applet.get("v_min", 0.0)
     bounds = Bounds(runs, speed, largest, ground, slowest=slowest)
-    if vehicle in SIMULATORS:
-        from rover_sweep.cli.driving.investigating import investigate_simulated
-
-        refuse_on_simulated(connect, arm, throttle)
-        _refuse_runs(recorded)
-        investigate_simulated(vehicle or "", bounds, applet, not no_log, simulation, out, as_json)
-    elif connect:
-        _refuse_runs(recorded)
-        refuse_without_simulation(connect, simulation)
-        allowed = arm, throttle, throw_switch or "pilot"
-        _on_rover(connect, access, vehicle, bounds, allowed, applet, battery / 100, not no_log, out, as_json)
-    else:
-        _advice(recorded, vehicle, bounds, out, as_json)
-
-
-def _refuse_runs(runs: tuple[str, ...]) -> None:
-    if runs:
+    if recorded and (connect or simulation.simulator):
         raise UsageError(
-            f"{runs[0]} is a recorded run; leave it out to drive (--out continues a session), or leave out "
-            "--connect to see the next step"
+            f"{recorded[0]} is a recorded run; leave it out to drive (--out continues a session), or leave "
+            "out --connect to see the next step"
         )
-
-
-def _advice(
-    runs: tuple[str, ...], vehicle: str | None, bounds: Bounds, out: str | None, as_json: bool
-) -> None:
-    """Show the next step after recorded runs."""
-    from rover_sweep.api.investigation import decided, steps_before, write_investigation
-    from rover_sweep.api.read import Reading, load_steered
-    from rover_sweep.cli.driving.investigating import diagnosing, show_document, show_step
-    from rover_sweep.cli.options import check_writable
-    from rover_sweep.cli.views.output import narration, print_warnings
-    from rover_sweep.data.vehicle_file import load
-
-    if not runs:
-        raise UsageError("no rover: give --connect URL, --vehicle embedded or ardurover, or recorded runs")
-    rover = load(Path(vehicle_path(vehicle, runs)))
-    rover.steering()
-    folder = None if out is None else Path(out)
-    if folder is not None:
-        check_writable(folder)
-    earlier = steps_before(folder) if folder else ()
-    driven = load_steered(runs, rover, Reading())
-    print_warnings(narration(), driven)
-    decision = decided(driven, rover, bounds, "", diagnosing(rover))
-    show_step(decision)
-    if folder is not None:
-        write_investigation(folder, [decision], earlier)
-    show_document([decision], folder, as_json, earlier)
-
-
-def _on_rover(
-    connect: str,
-    access: Access,
-    vehicle_file: str | None,
-    bounds: Bounds,
-    allowed: tuple[bool, int | None, Trigger],
-    limits: dict[str, float],
-    least: float,
-    logs: bool,
-    out: str | None,
-    as_json: bool,
-) -> None:
-    """Investigate the rover at `connect`; checks before the drive all that could fail after it."""
-    from firmware_params.param_files import read, shipped
-    from rover_sweep.api.investigation import steps_before
-    from rover_sweep.cli.driving.investigating import show_investigation
-    from rover_sweep.cli.driving.session_display import OneByOne
-    from rover_sweep.data.vehicle_file import load
-    from rover_sweep.session.session import SessionPlan
-    from rover_sweep.vehicle.link.recorded_transport import RecordedLine, conversation_in
-    from rover_sweep.vehicle.link.transport import parse_url
-    from rover_sweep.vehicle.run.controls import RunSettings
-
-    if not sys.stdin.isatty():
-        raise UsageError("investigate asks before each run, so it needs a terminal; start it in one")
-    path = Path(vehicle_path(vehicle_file, (out,) if out else ()))
-    vehicle = load(path)
-    vehicle.steering()
-    parse_url(connect)
-    arm, throttle, trigger = allowed
-    extra = ({"gcs": 1.0} if throttle is not None else {}) | limits
-    settings = RunSettings(arm, throttle, trigger, extra, patience=PILOT_PATIENCE)
-    plan = SessionPlan((), settings, checked=read(shipped("identification")), logs=logs)
-    folder = _folder(out)
-    steps_before(folder)
-    driver = OneByOne(
-        connect,
-        folder,
-        (vehicle, path),
-        plan,
-        bounds.speed,
-        _ask,
-        access,
-        least,
-        lambda: RecordedLine(conversation_in(folder)),
-    )
-    show_investigation(driver, (vehicle, path), bounds, folder, as_json)
-
-
-def _ask(display: PlainDisplay, question: str) -> None:
-    display.ask(question)
-
-
-def _folder(out: str | None) -> Path:
-    """A session's folder to continue, else a new one."""
-    from rover_sweep.cli.options import session_folder
-    from rover_sweep.session.folder import is_session
-
-    return Path(out) if out and is_session(Path(out)) else session_folder(out, "investigation")
+    if simulation.simulator:
+        driven.refuse_on_simulated(connect, allowed)
+        investigating.investigate_simulated(
+            simulation, physics, vehicle, bounds, applet, not no_log, out, as_json
+        )
+    elif connect:
+        driven.refuse_without_simulation(connect, simulation, physics)
+        investigating.investigate_rover(
+            connect, access, vehicle, bounds, allowed, battery / 100, not no_log, out, as_json
+        )
+    elif recorded:
+        investigating.show_next_step(recorded, vehicle, bounds, out, as_json)
+    else:
+        raise UsageError("no rover: give --connect URL, --simulator embedded or ardurover, or recorded runs")
 
 
 # `rover-sweep plan`: which effects a set of runs can detect and separate, before or after driving.

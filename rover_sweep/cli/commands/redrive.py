@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from rover_sweep.cli.options import ARDUROVER, FILE, POSITIVE, SEED, NumberRange, argument, option, options
+from rover_sweep.cli.driving_options import SIMULATION, SimulationOptions
+from rover_sweep.cli.options import FILE, POSITIVE, NumberRange, argument, option, options
 from rover_sweep.errors import UsageError
 
 if TYPE_CHECKING:
@@ -31,22 +32,10 @@ _NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS)
 @options
 def redrive(
     log: str = argument("LOG"),
-    vehicle: str = option(
-        "Only the physics, the embedded rover, or the real firmware in SITL with the same physics.",
-        click.Choice(("plant", "embedded", "ardurover")),
-        default="plant",
+    vehicle: str | None = option(
+        "Vehicle file; its masses, lengths and steering replace those of the variant.", FILE
     ),
-    variant: str = option(
-        "Physics of the simulated rover: a name as in dry-run, or a TOML file, whose table "
-        "[effects] adds effects to the nominal physics.",
-        metavar="NAME|FILE",
-        default="nominal",
-    ),
-    rover_file: str | None = option(
-        "rover.toml; its masses, lengths and steering replace those of the variant.", FILE
-    ),
-    ardurover: str | None = ARDUROVER,
-    seed: int = SEED,
+    simulation: SimulationOptions = SIMULATION,
     out: str = option("Recording to write (.BIN).", FILE, required=True),
 ) -> None:
     """Repeat LOG in a simulation: the same steering PWM at the same times, at the same speed.
@@ -64,27 +53,26 @@ def redrive(
         simulated_rover,
     )
 
-    target = _target(out, log)
-    parameters = simulated_rover(variant, rover_file)
-    if vehicle != "plant":
-        refuse_instant(parameters, vehicle)
+    target, simulator = _target(out, log), simulation.simulator or "plant"
+    parameters = simulated_rover(simulation.variant, vehicle)
+    if simulator != "plant":
+        refuse_instant(parameters, simulator)
     runs = _runs(log)
     course = course_of(_one_log(log))
     console = narration()
-    console.print(f"{vehicle}, {described(parameters, variant, rover_file)}", soft_wrap=True)
+    console.print(f"{simulator}, {described(parameters, simulation.variant, vehicle)}", soft_wrap=True)
     with _complete_file(target) as made:
-        if vehicle == "plant":
+        if simulator == "plant":
             from sitl.redrive.open_loop import redrive as drive
 
             try:
-                drive(course, on_the_clock(parameters, runs), made, seed)
+                drive(course, on_the_clock(parameters, runs), made, simulation.seed)
             except ValueError as error:  # the rover overturns
                 raise UsageError(str(error)) from error
         else:
             from rover_sweep.redrive.on_autopilot import drive_course
 
-            binary = Path(ardurover) if ardurover else None
-            for line in drive_course(course, parameters, made, vehicle, binary, seed):
+            for line in drive_course(course, parameters, made, simulator, simulation.binary, simulation.seed):
                 console.print(line, soft_wrap=True)
     _show_speeds(runs, target)
 

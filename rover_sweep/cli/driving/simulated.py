@@ -1,60 +1,39 @@
-"""`run --vehicle embedded|ardurover`: start a simulated rover and run the whole workflow on it.
-
-The rover starts with factory settings: applet and parameters are installed as on a real one. The program
-arms and drives it without asking.
-"""
+"""Simulated rovers: vehicle files, true parameters, export, and serving one to the firmware."""
 
 from __future__ import annotations
 
+import contextlib
 import tempfile
-from collections.abc import Callable
-from contextlib import ExitStack
-from dataclasses import asdict, dataclass, replace
+import time
+from dataclasses import dataclass, replace
+from functools import partial
 from itertools import takewhile
 from math import radians, sin
 from pathlib import Path
 from textwrap import wrap
-from typing import TYPE_CHECKING
 
-import click
-
-from rover_sweep.cli.driving.job import Job, announce
-from rover_sweep.cli.options import ARDUROVER, FILE, gathered, option, session_folder
-from rover_sweep.errors import UsageError, missing_extra
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from rover_sweep.cli.views.display import PlainDisplay
-    from rover_sweep.data.vehicle_file import Vehicle
-    from rover_sweep.identification.pipeline import Identification
-    from rover_sweep.report.document import Table
-    from rover_sweep.session.session import SessionPlan
-    from rover_sweep.session.simulated_rover import Physics, SimulatedRover, Simulator
-    from rover_sweep.vehicle.events import Event, SessionFinished
-    from sitl.plant.variant import PlantParameters
-
-    Numbers = Callable[[Identification], Table | None]
-
-# Simulated rovers of `dry-run` and `run`: their vehicle files and true parameters.
-
-
-SIMULATORS = ("embedded", "ardurover")
-_DEFAULTS = {"physics": "plant", "variant": "nominal", "seed": 1}
-
-
-def variants() -> tuple[str, ...]:
-    """Names of the built-in physics."""
-    from sitl.plant.variant import variant_names
-
-    return variant_names()
+from firmware_params.param_files import shipped
+from rover_sweep._version import __version__
+from rover_sweep.api.simulate import diagnosis_file, read_augmented_model
+from rover_sweep.cli.options import session_folder
+from rover_sweep.cli.views.output import narration, results
+from rover_sweep.data.results import number
+from rover_sweep.data.vehicle_file import Vehicle, load
+from rover_sweep.errors import LinkError, UsageError, missing_extra
+from rover_sweep.identification.acceptance import TITLES, usable
+from rover_sweep.identification.pipeline import Identification
+from rover_sweep.report.document import Cell, Table
+from rover_sweep.report.export.plant_variant import variant_text
+from rover_sweep.report.wording import change, symbol, unit
+from sitl import launcher
+from sitl.plant.effects.replaced_numbers import resolved
+from sitl.plant.plant import Plant
+from sitl.plant.variant import PlantParameters, load_variant
+from sitl.rover_file import rover_file
 
 
 def rover_text(variant: str) -> str:
     """rover.toml of a simulated rover: the values that an owner could measure."""
-    from sitl.plant.variant import load_variant
-    from sitl.rover_file import rover_file
-
     try:
         return rover_file(load_variant(variant), variant)
     except ValueError as error:
@@ -65,9 +44,6 @@ def firmware_rover_text() -> str:
     """rover.toml of ArduPilot's own simulated rover (SIM_Rover.h, 4.6.3): 35 deg of steering at 500 us, and
     the wheelbase that follows from its turning circle of 1.8 m. It has no tyres and no body, so the masses
     (those of the nominal plant) do not affect the identified model."""
-    from sitl.plant.variant import load_variant
-    from sitl.rover_file import rover_file
-
     half = 1.8 / 2 * sin(radians(35)) / 2
     own = replace(
         load_variant("nominal"),
@@ -79,16 +55,14 @@ def firmware_rover_text() -> str:
 
 
 def folder_with_rover(
-    out: str | None, name: str, rover_file: str | None, variant: str | None
+    out: str | None, name: str, vehicle_file: str | None, variant: str | None
 ) -> tuple[Path, tuple[Vehicle, Path]]:
     """(a new session's folder, (vehicle, its file)): the given file, else one of the variant, in the folder.
 
     variant: None for the firmware's own rover. out, name: as in `session_folder`.
     """
-    from rover_sweep.data.vehicle_file import load
-
-    if rover_file:
-        return session_folder(out, name), (load(rover_file), Path(rover_file))
+    if vehicle_file:
+        return session_folder(out, name), (load(vehicle_file), Path(vehicle_file))
     text = rover_text(variant) if variant is not None else firmware_rover_text()
     folder = session_folder(out, name, also=("rover.toml",))
     path = folder / "rover.toml"
@@ -96,28 +70,12 @@ def folder_with_rover(
     return folder, (load(path), path)
 
 
-def truth_view(variant: str) -> Callable[[Identification], Table | None]:
-    """A function that makes the table of true and identified parameters."""
-
-    def view(result: Identification) -> Table | None:
-        from sitl.plant.effects.replaced_numbers import resolved
-        from sitl.plant.variant import load_variant
-
-        return truth_table(result, resolved(load_variant(variant)))
-
-    return view
-
-
 _PHYSICAL = ("roll-yaw", "bicycle")  # models with physical parameters, whose true values are known
 
 
-def truth_table(result: Identification, rover: PlantParameters) -> Table | None:
+def truth_table(variant: str, result: Identification) -> Table | None:
     """True and identified numbers, else the recommended physical model's parameters; None without any."""
-    from rover_sweep.data.results import number
-    from rover_sweep.identification.acceptance import TITLES, usable
-    from rover_sweep.report.document import Cell, Table
-    from rover_sweep.report.wording import change, symbol, unit
-
+    rover = resolved(load_variant(variant))
     models = usable(result)
     name = next((n for n in (result.recommended, *_PHYSICAL) if n in models and n in _PHYSICAL), None)
     if name is None:
@@ -185,8 +143,6 @@ class ExportedRover:
     @property
     def origin(self) -> list[str]:
         """Lines on where the numbers come from."""
-        from rover_sweep._version import __version__
-
         first = f"Written by rover-sweep {__version__} with the numbers of {self.source}."
         return [line for words in (first, *self.remarks) for line in wrap(words, WIDTH)]
 
@@ -229,9 +185,6 @@ def rover_fmu(rover: ExportedRover, target: Path) -> bytes:
 
 
 def _diagnosed(place: Path) -> ExportedRover:
-    from rover_sweep.api.simulate import diagnosis_file, read_augmented_model
-    from rover_sweep.report.export.plant_variant import variant_text
-
     found = diagnosis_file(place)
     if found is None:
         raise UsageError(
@@ -247,9 +200,6 @@ def _diagnosed(place: Path) -> ExportedRover:
 
 def _read(path: Path, source: str) -> ExportedRover:
     """UsageError for numbers that are wrong one by one or together."""
-    from sitl.plant.plant import Plant
-    from sitl.plant.variant import load_variant
-
     try:
         parameters = load_variant(path.resolve())
         Plant(parameters)
@@ -260,108 +210,42 @@ def _read(path: Path, source: str) -> ExportedRover:
     return ExportedRover(parameters, source, tuple(line.lstrip("# ") for line in remarks))
 
 
-_LIMITS = {"gcs": 1.0, "v_min": 1.0, "v_max": 5.0}
-_PWM_MAX = 250.0  # us, default of SWP_PWM_MAX
+def serve_twin(place: Path, ardurover: Path | None, physics: bool, instance: int, seed: int) -> None:
+    """Start the firmware with the variant as its physics, or the physics alone; wait for Ctrl-C.
 
+    LinkError where the firmware does not start, or it or its physics ends early.
+    """
+    variant = place / "variant.toml" if place.is_dir() else place
+    if not variant.is_file():
+        raise UsageError(f"{place} has no variant.toml; give the folder that `rover-sweep twin` wrote")
+    _read(variant, variant.name)
+    tell = partial(narration().print, soft_wrap=True)
+    if physics:
+        from sitl.json_server import main
 
-@dataclass(frozen=True)
-class SimulationOptions:
-    """The options of a rover that is simulated."""
-
-    physics: Physics = option(
-        "Physics for the firmware: our plant, or the firmware's own rover. [default: plant]",
-        click.Choice(("plant", "own")),
-        default="plant",
-    )
-    ardurover: str | None = ARDUROVER
-    variant: str = option(
-        f"Simulated rover: physics; {', '.join(variants())}, or a TOML file. [default: nominal]",
-        metavar="NAME|FILE",
-        default="nominal",
-    )
-    seed: int = option(
-        "Simulated rover: random seed of noise and road. [default: 1]", click.IntRange(min=0), default=1
-    )
-    rover_file: str | None = option("Simulated rover: vehicle file to use instead of the true one.", FILE)
-
-    def rover(self, simulator: str) -> SimulatedRover:
-        """The rover to start, with factory settings."""
-        from rover_sweep.session.simulated_rover import SimulatedRover
-
-        kind: Simulator = "ardurover" if simulator == "ardurover" else "embedded"
-        binary = Path(self.ardurover) if self.ardurover else None
-        return SimulatedRover(kind, binary, self.physics, self.variant, self.seed, prepared=False)
-
-
-SIMULATION = gathered(SimulationOptions)
-
-
-def refuse_on_simulated(connect: str | None, arm: bool, throttle: int | None) -> None:
-    """UsageError for options that only make sense with an existing rover."""
-    if connect:
-        raise UsageError("--vehicle embedded or ardurover starts its own rover; remove --connect")
-    if arm or throttle is not None:
-        raise UsageError("a simulated rover is always armed and driven; remove --arm and --throttle")
-
-
-def refuse_without_simulation(connect: str | None, simulation: SimulationOptions) -> None:
-    """UsageError for options of a simulated rover without one, and for no rover at all."""
-    if not connect:
-        raise UsageError(
-            "no rover: give --connect URL, or --vehicle embedded or ardurover for a simulated one"
+        command = f"ardurover --model JSON:127.0.0.1 --instance {instance}"
+        tell(f"start the firmware with `{command}`; Ctrl-C ends this")
+        main(["--variant", str(variant.resolve()), "--instance", str(instance), "--seed", str(seed)])
+        return
+    home = variant.parent / "served"
+    try:
+        running = launcher.start_ardurover(
+            launcher.find_ardurover(ardurover),
+            home,
+            variant=variant.resolve(),
+            seed=seed,
+            instance=instance,
+            defaults=[shipped("identification")],
         )
-    for name, value in asdict(simulation).items():
-        if value != _DEFAULTS.get(name):
-            raise UsageError(f"--{name.replace('_', '-')} is for --vehicle embedded or ardurover")
-
-
-def on_simulated(
-    job: Job, simulator: str, out: str | None, options: SimulationOptions
-) -> tuple[tuple[Vehicle, Path], SessionFinished, Numbers | None]:
-    """Drive the job on a simulated rover; (vehicle and its file, session, view of the true parameters)."""
-    from rover_sweep.cli.driving.session_display import show_session
-    from rover_sweep.session.session import drive
-    from rover_sweep.session.simulated_rover import pilot, started
-    from rover_sweep.vehicle.link.recorded_transport import RecordedLine, conversation_in
-
-    simulation = options.rover(simulator)
-    plan = _plan(job, simulation)
-    variant = None if options.physics == "own" else options.variant
-    folder, rover = folder_with_rover(out, "run", options.rover_file, variant)
-    announce(plan, folder)
-    with ExitStack() as stack:
-        running = stack.enter_context(started(simulation, folder / "vehicle"))
-        line = stack.enter_context(RecordedLine(conversation_in(folder)))
-        answer = None
-        if plan.settings.trigger == "pilot":
-            follow = stack.enter_context(pilot(running, simulation.throttle_us))
-
-            def answer(_: PlainDisplay, event: Event) -> None:
-                follow(event)
-
-        session = show_session(
-            drive(running.connection, folder, plan, line), folder, go_on=True, answer=answer
+    except launcher.LaunchError as error:
+        raise LinkError(f"{error}; --physics serves the JSON interface alone") from error
+    with running:
+        results().print(running.connection)
+        tell(
+            f"the twin is served: connect a ground station to {running.connection}; its logs are in {home}; "
+            "Ctrl-C ends it"
         )
-    return rover, session, truth_view(variant) if variant is not None else None
-
-
-def _plan(job: Job, simulation: SimulatedRover) -> SessionPlan:
-    """The plan of the session; UsageError for values that the applet would refuse."""
-    from firmware_params.applet_parameters import applet_path
-    from firmware_params.param_files import read, shipped
-    from rover_sweep.manoeuvre.sweep import parameters_of
-    from rover_sweep.session.session import SessionPlan
-    from rover_sweep.vehicle.run.controls import RunSettings
-
-    trigger = job.trigger or "override"
-    if trigger == "pilot" and simulation.simulator == "embedded":
-        raise UsageError("the embedded rover has no radio for switch 6; use --throw-switch override or aux")
-    highest = max(run.manoeuvre.peak for run in job.runs)
-    extra = {"pwm_max": max(_PWM_MAX, highest), **_LIMITS, **job.limits}
-    for run in job.runs:
-        parameters_of(run.manoeuvre, **extra)
-    throttle = None if trigger == "pilot" else simulation.throttle_us
-    settings = RunSettings(True, throttle, trigger, extra)
-    return SessionPlan(
-        job.runs, settings, read(shipped("identification")), applet=applet_path(), logs=job.logs
-    )
+        with contextlib.suppress(KeyboardInterrupt):
+            while not (words := running.last_words()):
+                time.sleep(1.0)
+            raise LinkError(f"the simulated rover ended by itself: {words}")

@@ -15,14 +15,16 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from math import nan, radians
 from types import FrameType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
-from rover_sweep.bench.drive import Keep, Movement
 from rover_sweep.cli.views.output import echo, narration
 from rover_sweep.errors import UsageError
 from rover_sweep.files.documents import printable_lines
+
+if TYPE_CHECKING:
+    from rover_sweep.bench.drive import Keep, Movement
 
 # Drops keys typed before a question, so that they do not answer it.
 
