@@ -5,7 +5,7 @@ Each result has one function that builds its document; `on_terminal` and `in_htm
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Literal, TypeVar
 
@@ -48,6 +48,9 @@ class Cell:
     link: str = ""
 
 
+Cells = tuple[Cell | str, ...]
+
+
 @dataclass(frozen=True)
 class Table:
     """A table. text_columns: number of left columns with words, or their places; the others have numbers."""
@@ -64,6 +67,19 @@ class Table:
         """Whether each column has words."""
         of = self.text_columns
         return tuple(k in of if isinstance(of, tuple) else k < of for k in range(len(self.headings)))
+
+
+def table_of(
+    title: str,
+    headings: Sequence[str],
+    rows: Iterable[Cells],
+    note: str = "",
+    text_columns: int | tuple[int, ...] = 1,
+    level: Level = "brief",
+) -> Table:
+    """A table of cells and plain texts."""
+    made = tuple(tuple(c if isinstance(c, Cell) else Cell(c) for c in row) for row in rows)
+    return Table(title, tuple(headings), made, note, text_columns, level)
 
 
 @dataclass(frozen=True)
@@ -117,19 +133,19 @@ class Document:
 
 def some(*parts: Part | None) -> tuple[Part, ...]:
     """The parts that are there, without tables, figures and sections that hold nothing."""
-    return tuple(part for part in parts if part is not None and not _empty(part))
+    return tuple(part for part in parts if part is not None and _content(part))
 
 
-def _empty(part: Part) -> bool:
+def _content(part: Part) -> object:
     match part:
         case Sentence():
-            return not part.text
+            return part.text
         case Table() | Terms():
-            return not part.rows
+            return part.rows
         case Figures():
-            return not part.charts
+            return part.charts
         case Section():
-            return not part.parts
+            return part.parts
 
 
 def items(texts: Sequence[str], tone: Tone = "", level: Level = "brief") -> tuple[Sentence, ...]:
@@ -156,6 +172,12 @@ def charts_of(parts: Sequence[Part]) -> Iterator[ChartPlan]:
 
 
 # What the documents of several results say.
+
+
+ZOOM = (
+    "Drag to zoom, double-click for the whole range, Ctrl and wheel to zoom at the cursor, ◀ ▶ to move; on a "
+    "phone: pinch and drag. The values under the cursor stand below each panel."
+)
 
 
 def made_words(provenance: Provenance) -> str:

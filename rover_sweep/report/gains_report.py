@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from rover_sweep.gains.proposal import AssessedGains, Proposal, SteeringLimits
-from rover_sweep.report.document import Cell, Document, Section, Sentence, Table, items, some
+from rover_sweep.report.document import Document, Section, Sentence, Table, items, some, table_of
 
 LARGE = 2.0  # factor of a gain from which the change is tried off the ground first
 
@@ -58,8 +58,15 @@ def gains_table(proposal: Proposal, limits: SteeringLimits | None) -> Table:
         for name in set(columns["now"]) & set(proposal.autopilot.assumed):
             columns["now"][name] += " (firmware default)"
     labels = next(iter(columns.values()))
-    rows = tuple((Cell(label), *(Cell(column[label]) for column in columns.values())) for label in labels)
-    return Table("Gains, margins and the predicted step", ("", *columns), rows, _footnote(proposal))
+    rows = ((label, *(column[label] for column in columns.values())) for label in labels)
+    worst = proposal.proposed or proposal.now
+    assert worst is not None
+    note = (
+        "Worst margins within the 90 % intervals of the parameters and the valid speeds; gain margin at "
+        f"{worst.worst_gain[1]}, phase margin at {worst.worst_phase[1]}. "
+        "Steps include the firmware's limits on the target."
+    )
+    return table_of("Gains, margins and the predicted step", ("", *columns), rows, note)
 
 
 def _limits(proposal: Proposal, limits: SteeringLimits, heading: str) -> dict[str, str]:
@@ -85,13 +92,17 @@ def _origin(limits: SteeringLimits) -> str:
 
 def _column(judged: AssessedGains, limits: dict[str, str]) -> dict[str, str]:
     step, margins = judged.step, judged.margins
+
+    def margin(value: float, unit: str, form: str) -> str:
+        return _number(value, unit, form, "unlimited")
+
     return {
         **{name: f"{value:.4g}" for name, value in judged.gains.parameters.items()},
         **limits,
-        "gain margin": _db(margins.gain_db),
-        "phase margin": _deg(margins.phase_deg),
-        "worst gain margin": _db(judged.worst_gain[0]),
-        "worst phase margin": _deg(judged.worst_phase[0]),
+        "gain margin": margin(margins.gain_db, "dB", ".1f"),
+        "phase margin": margin(margins.phase_deg, "deg", ".0f"),
+        "worst gain margin": margin(judged.worst_gain[0], "dB", ".1f"),
+        "worst phase margin": margin(judged.worst_phase[0], "deg", ".0f"),
         "crossover frequency": _number(margins.crossover, "rad/s"),
         "bandwidth of r / target": _number(judged.bandwidth, "rad/s"),
         f"step of {math.degrees(step.size):.0f} deg/s: rise": _number(step.rise, "s"),
@@ -117,23 +128,5 @@ def _large_changes(proposal: Proposal) -> str:
     return f"Large changes: {', '.join(large)}. Try them with the wheels off the ground, then at low speed."
 
 
-def _footnote(proposal: Proposal) -> str:
-    worst = proposal.proposed or proposal.now
-    assert worst is not None
-    return (
-        "Worst margins within the 90 % intervals of the parameters and the valid speeds; gain margin at "
-        f"{worst.worst_gain[1]}, phase margin at {worst.worst_phase[1]}. "
-        "Steps include the firmware's limits on the target."
-    )
-
-
-def _db(value: float) -> str:
-    return f"{value:.1f} dB" if math.isfinite(value) else "unlimited"
-
-
-def _deg(value: float) -> str:
-    return f"{value:.0f} deg" if math.isfinite(value) else "unlimited"
-
-
-def _number(value: float, unit: str) -> str:
-    return f"{value:.3g} {unit}" if math.isfinite(value) else "never"
+def _number(value: float, unit: str, form: str = ".3g", otherwise: str = "never") -> str:
+    return f"{value:{form}} {unit}" if math.isfinite(value) else otherwise

@@ -29,6 +29,7 @@ OUTPUT_NAMES = {
     "ay": "lateral acceleration a_y",
     "vydot": "lateral velocity rate vydot",
     "p": "roll rate p",
+    "vy": "lateral velocity V_y",
 }
 SHORT_NAMES = {"r": "r", "ay": "a_y", "vydot": "vydot", "p": "p"}
 SYMBOLS = {

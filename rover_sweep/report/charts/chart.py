@@ -121,13 +121,6 @@ CHANNEL_WORDS = {
     "throttle": "throttle output, µs",
 }
 DEGREES = ("delta", "r", "p", "phi", "psi")  # channels that are shown in degrees
-RESPONSE_WORDS = {
-    "r": "yaw rate r",
-    "ay": "lateral acceleration a_y",
-    "p": "roll rate p",
-    "vydot": "lateral velocity rate vydot",
-    "vy": "lateral velocity V_y",
-}
 
 
 def model_colours(name: str, names: Collection[str]) -> dict[str, Any]:

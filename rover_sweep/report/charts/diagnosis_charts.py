@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -18,21 +19,35 @@ from rover_sweep.report.charts.chart import (
     CHANNEL_WORDS,
     DATA,
     DEGREES,
-    MARK,
-    OUTSIDE,
-    RESPONSE_WORDS,
     SHADE,
     Chart,
+    ChartPlan,
     Curve,
     Panel,
     Spread,
     Stack,
 )
-from rover_sweep.report.charts.response_charts import limits_around
-from rover_sweep.report.wording import channel
-from rover_sweep.spectra.windowed import Complex
+from rover_sweep.report.charts.response_charts import bode_stack
+from rover_sweep.report.wording import OUTPUT_NAMES, channel
 
 # One run measured and simulated before and after, its residual, and the residual over frequency.
+
+
+def planned_histories(
+    overlays: Sequence[TimeHistory], name: str, used: str, words: str, changed: bool = True
+) -> tuple[ChartPlan, ...]:
+    """A chart of each run. name: of the files; used: what a run that is not held out is; words: for all."""
+    by_run: dict[tuple[str, bool], list[TimeHistory]] = {}
+    for o in overlays:
+        by_run.setdefault((o.run, o.held_out), []).append(o)
+    return tuple(
+        ChartPlan(
+            f"{name}-{k}",
+            f"{run}, {'held out' if held_out else used}. {words}",
+            partial(overlay_chart, tuple(channels), changed),
+        )
+        for k, ((run, held_out), channels) in enumerate(by_run.items())
+    )
 
 
 def overlay_chart(channels: Sequence[TimeHistory], changed: bool = True) -> Chart:
@@ -279,30 +294,20 @@ def bode_chart(responses: Sequence[Bode]) -> Chart:
 
 def _stack(b: Bode) -> Stack:
     low, high = b.band or (float(b.w[0]), float(b.w[-1]))
-    inside = (b.w >= low * 0.999) & (b.w <= high * 1.001)
-    styles: dict[str, tuple[Complex, dict[str, Any]]] = {
-        "recorded": (b.recorded, {"colour": DATA, "width": 2.0}),
-        "before": (b.before, BEFORE),
-        "after": (b.after, AFTER),
-    }
-    db = {n: 20 * np.log10(np.maximum(np.abs(h), 1e-9)) for n, (h, _) in styles.items()}
-    deg = {n: np.degrees(np.unwrap(np.angle(h))) for n, (h, _) in styles.items()}
-    deg = {n: y - 360.0 * np.round(float(y[inside][0]) / 360.0) for n, y in deg.items()}
-    panels = [
-        Panel(
-            words,
-            b.w,
-            tuple(Curve(n, y, **styles[n][1]) for n, y in values.items()),
-            limits=limits_around([y[inside] for y in values.values()], least),
-            height=height,
-        )
-        for words, values, least, height in (("magnitude, dB", db, 20, 150), ("phase, deg", deg, 100, 130))
-    ]
-    panels.append(
-        Panel("coherence", b.w, (Curve("coherence", b.coherence, DATA),), limits=(0.0, 1.04), height=70)
+    first = int(np.argmax((b.w >= low * 0.999) & (b.w <= high * 1.001)))
+    recorded: dict[str, Any] = {"colour": DATA, "width": 2.0}
+    lines = (("recorded", b.recorded, recorded), ("before", b.before, BEFORE), ("after", b.after, AFTER))
+    db, deg = [], []
+    for name, h, style in lines:
+        phase = np.degrees(np.unwrap(np.angle(h)))
+        db.append(Curve(name, 20 * np.log10(np.maximum(np.abs(h), 1e-9)), **style))
+        deg.append(Curve(name, phase - 360.0 * np.round(float(phase[first]) / 360.0), **style))
+    return bode_stack(
+        f"{OUTPUT_NAMES.get(b.output, b.output)} / steering",
+        b.w,
+        b.band,
+        tuple(db),
+        tuple(deg),
+        Curve("coherence", b.coherence, DATA),
+        heights=(150, 130, 70),
     )
-    shades = ((1e-3, low, OUTSIDE), (high, 1e4, OUTSIDE)) if b.band else ()
-    marks = ((low, MARK), (high, MARK)) if b.band else ()
-    title = f"{RESPONSE_WORDS.get(b.output, b.output)} / steering"
-    span = 0.93 * float(b.w[0]), 1.07 * float(b.w[-1])
-    return Stack(title, "frequency, rad/s", tuple(panels), span, "log", shades, marks)

@@ -11,7 +11,7 @@ import numpy as np
 from rover_sweep.data.recording import Array, Recording, ThrottleRun
 from rover_sweep.gains.speed_chain import BEFORE as STEP_AT
 from rover_sweep.gains.speed_chain import driven_step
-from rover_sweep.gains.speed_proposal import AssessedSpeed, SpeedProposal
+from rover_sweep.gains.speed_proposal import SpeedProposal
 from rover_sweep.identification.fit import costs
 from rover_sweep.identification.grouping import Group
 from rover_sweep.identification.identify_speed import GOOD, ThrottleCoherence
@@ -27,7 +27,6 @@ from rover_sweep.report.charts.chart import (
     MARK,
     OUTSIDE,
     QUIET,
-    RESPONSE_WORDS,
     Chart,
     Curve,
     Panel,
@@ -35,7 +34,7 @@ from rover_sweep.report.charts.chart import (
     Stack,
     model_colours,
 )
-from rover_sweep.report.wording import FOOT, SI, ShownUnits
+from rover_sweep.report.wording import FOOT, OUTPUT_NAMES, SI, ShownUnits
 from rover_sweep.season.season_result import Drift, TrackedQuantity
 from rover_sweep.spectra.response import (
     COHERENCE_GOOD,
@@ -85,50 +84,59 @@ def response_stack(
     found = _lines(f, group, models)
     models_db = {n: 20 * np.log10(np.abs(h)) + more for n, h in found.items()}
     models_deg = {n: nearest_turn(unwrapped_phase(h, f), deg, f) for n, h in found.items()}
-    inside = inside_band(f)
     sd = "random error, 2 sd"
-    magnitude = Panel(
-        "magnitude, dB",
-        f.w,
-        (Curve("measured", db, DATA, width=2.0), *_drawn(models_db, models)),
-        (Spread(sd, db + 20 * np.log10(1 - error), db + 20 * np.log10(1 + error)),),
-        limits_around([db[inside], *(y[inside] for y in models_db.values())], 20),
-        height=170,
-    )
-    phase = Panel(
-        "phase, deg",
-        f.w,
-        (Curve("measured", deg, DATA, width=2.0, dots=not f.band), *_drawn(models_deg, models)),
-        (Spread(sd, deg - spread, deg + spread),) if f.band else (),
-        limits_around([deg[inside], *(y[inside] for y in models_deg.values())], 100),
-        height=140,
-    )
-    name = "partial coherence" if f.conditioned_on else "coherence"
-    coherence = Panel(
-        name, f.w, (Curve(name, f.coherence, DATA),), limits=(0.0, 1.04), levels=(COHERENCE_GOOD,), height=80
-    )
-    return Stack(
+    measured = Curve("measured", deg, DATA, width=2.0, dots=not f.band)
+    return bode_stack(
         _title(f, group, models, units),
-        "frequency, rad/s",
-        (magnitude, phase, coherence),
-        _span(f),
-        "log",
-        *_band(f),
+        f.w,
+        f.band,
+        (Curve("measured", db, DATA, width=2.0), *_drawn(models_db, models)),
+        (measured, *_drawn(models_deg, models)),
+        Curve("partial coherence" if f.conditioned_on else "coherence", f.coherence, DATA),
+        (COHERENCE_GOOD,),
+        spreads=(
+            (Spread(sd, db + 20 * np.log10(1 - error), db + 20 * np.log10(1 + error)),),
+            (Spread(sd, deg - spread, deg + spread),) if f.band else (),
+        ),
     )
+
+
+def bode_stack(
+    title: str,
+    w: Array,
+    band: tuple[float, float] | None,
+    magnitude: tuple[Curve, ...],
+    phase: tuple[Curve, ...],
+    coherence: Curve,
+    levels: tuple[float, ...] = (),
+    least: float = 100,
+    heights: tuple[int, int, int] = (170, 140, 80),
+    spreads: tuple[tuple[Spread, ...], tuple[Spread, ...]] = ((), ()),
+) -> Stack:
+    """Magnitude [dB], phase [deg] and coherence over w (n,) [rad/s]; grey outside of the usable band.
+
+    levels: of the coherence. least: range of the phase. heights: of the panels [px].
+    """
+    low, high = band or (float(w[0]), float(w[-1]))
+    inside = (w >= low * 0.999) & (w <= high * 1.001)
+    rows = zip(
+        ("magnitude, dB", "phase, deg"), (magnitude, phase), spreads, (20, least), heights, strict=False
+    )
+    panels = [
+        Panel(label, w, lines, areas, limits_around([line.y[inside] for line in lines], least), height=height)
+        for label, lines, areas, least, height in rows
+    ]
+    panels.append(
+        Panel(coherence.label, w, (coherence,), limits=(0.0, 1.04), levels=levels, height=heights[2])
+    )
+    shades = ((1e-3, low if band else high, OUTSIDE), (high, 1e4, OUTSIDE))
+    marks = ((low, MARK), (high, MARK)) if band else ()
+    span = 0.93 * float(w[0]), 1.07 * float(w[-1])
+    return Stack(title, "frequency, rad/s", tuple(panels), span, "log", shades, marks)
 
 
 def _drawn(lines: Mapping[str, Array], models: Models) -> list[Curve]:
     return [Curve(f"{n} model", y, **model_colours(n, models)) for n, y in lines.items()]
-
-
-def _span(f: FrequencyResponse) -> tuple[float, float]:
-    return 0.93 * float(f.w[0]), 1.07 * float(f.w[-1])
-
-
-def _band(f: FrequencyResponse) -> tuple[tuple[tuple[float, float, str], ...], tuple[tuple[float, str], ...]]:
-    """(shades outside of the usable band, marks at its ends)."""
-    low, high = f.band or (f.w[-1], f.w[-1])
-    return ((1e-3, low, OUTSIDE), (high, 1e4, OUTSIDE)), ((low, MARK), (high, MARK)) if f.band else ()
 
 
 def _error(f: FrequencyResponse, group: Group, models: Models) -> Stack:
@@ -146,14 +154,14 @@ def _error(f: FrequencyResponse, group: Group, models: Models) -> Stack:
         (0.0, float(np.clip(1.1 * np.percentile(seen, 98), 10, 200))),
         height=130,
     )
-    title = f"{RESPONSE_WORDS[f.output]} / steering"
+    title = f"{OUTPUT_NAMES[f.output]} / steering"
     return Stack(title, "frequency, rad/s", (panel,), (0.97 * low, 1.03 * high), "log")
 
 
 def _title(f: FrequencyResponse, group: Group | None, models: Models, units: ShownUnits) -> str:
     """The response and its unit, and J of each model."""
     without = f" without {', '.join(f.conditioned_on)}" if f.conditioned_on else ""
-    output, over = RESPONSE_WORDS.get(f.output, f.output), "steering" if f.input == "delta" else f.input
+    output, over = OUTPUT_NAMES.get(f.output, f.output), "steering" if f.input == "delta" else f.input
     what = f"{output} / {over}{without}, {units.words(f.unit.replace('^2', '²'))}"
     if not f.band:
         return f"{what}: no usable band"
@@ -286,15 +294,10 @@ def _channel(channel: str, verdicts: Mapping[str, Verification], start: float, u
     first = next(iter(found.values()))
     factor = FOOT * units.per_si if first.unit.startswith("ft") else 1.0
     lines = [Curve("measured", first.measured * factor, DATA, width=1.0)]
-    lines += [
-        Curve(n, _at(o.t, o.model, first.t) * factor, **model_colours(n, verdicts)) for n, o in found.items()
-    ]
+    for n, o in found.items():  # on the grid of the first model; the same one unless their runs differ
+        y = o.model if o.t.size == first.t.size else np.interp(first.t, o.t, o.model)
+        lines.append(Curve(n, y * factor, **model_colours(n, verdicts)))
     return Panel(units.words(CHANNEL_WORDS[channel]), first.t - start, tuple(lines), height=140)
-
-
-def _at(t: Array, y: Array, grid: Array) -> Array:
-    """The values on the grid of the first model; the same one unless their runs differ."""
-    return y if t.size == grid.size else np.interp(grid, t, y)
 
 
 # A throttle sweep as it was driven, the speed's response to the throttle, and the predicted step.
@@ -332,27 +335,20 @@ def throttle_response_chart(found: ThrottleCoherence, fit: SpeedFit) -> Chart:
     w, h = found.w, fit.model.response(found.w)
     low, high = found.band or (float(w[0]), float(w[-1]))
     inside = (w >= 0.999 * low) & (w <= 1.001 * high)
-    db, law_db = 20 * np.log10(np.maximum(found.gain, 1e-9)), 20 * np.log10(np.abs(h))
-    law_deg = np.degrees(np.unwrap(np.angle(h)))
-    deg = np.degrees(found.phase)
+    law_deg, deg = np.degrees(np.unwrap(np.angle(h))), np.degrees(found.phase)
     deg = deg - 360.0 * np.round(float(np.median((deg - law_deg)[inside])) / 360.0)
-    panels = (
-        Panel("magnitude, dB", w, _both(db, law_db), limits=_around(db, law_db, inside, 20), height=170),
-        Panel("phase, deg", w, _both(deg, law_deg), limits=_around(deg, law_deg, inside, 60), height=140),
-        Panel(
-            "coherence",
-            w,
-            (Curve("coherence", found.coherence, DATA),),
-            limits=(0.0, 1.04),
-            levels=(GOOD,),
-            height=80,
-        ),
+    measured_db, law_db = 20 * np.log10(np.maximum(found.gain, 1e-9)), 20 * np.log10(np.abs(h))
+    stack = bode_stack(
+        "speed / throttle, m/s per full throttle",
+        w,
+        found.band,
+        (Curve("measured", measured_db, DATA, width=2.0), Curve("law", law_db, **AFTER)),
+        (Curve("measured", deg, DATA, width=2.0), Curve("law", law_deg, **AFTER)),
+        Curve("coherence", found.coherence, DATA),
+        (GOOD,),
+        60,
     )
-    shades = ((1e-3, low, OUTSIDE), (high, 1e4, OUTSIDE)) if found.band else ()
-    marks = ((low, MARK), (high, MARK)) if found.band else ()
-    span = 0.93 * float(w[0]), 1.07 * float(w[-1])
-    words = "speed / throttle, m/s per full throttle"
-    return Chart((Stack(words, "frequency, rad/s", panels, span, "log", shades, marks),))
+    return Chart((stack,))
 
 
 def speed_step_chart(proposal: SpeedProposal) -> Chart:
@@ -376,18 +372,7 @@ def speed_step_chart(proposal: SpeedProposal) -> Chart:
         Panel("speed, m/s", x[kept], tuple(speeds), height=170),
         Panel("throttle, %", x[kept], tuple(throttle)),
     )
-    return Chart((Stack(_step_words(proposal.now), "time since the step, s", panels, (-STEP_AT, SHOWN)),))
-
-
-def _step_words(judged: AssessedSpeed | None) -> str:
-    assert judged is not None
-    step = judged.step
-    return f"predicted step from {step.start:.2f} to {step.start + step.size:.2f} m/s"
-
-
-def _both(measured: Array, law: Array) -> tuple[Curve, ...]:
-    return Curve("measured", measured, DATA, width=2.0), Curve("law", law, **AFTER)
-
-
-def _around(measured: Array, law: Array, inside: np.ndarray, least: float) -> tuple[float, float]:
-    return limits_around([measured[inside], law[inside]], least)
+    assert proposal.now is not None
+    step = proposal.now.step
+    words = f"predicted step from {step.start:.2f} to {step.start + step.size:.2f} m/s"
+    return Chart((Stack(words, "time since the step, s", panels, (-STEP_AT, SHOWN)),))

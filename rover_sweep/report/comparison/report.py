@@ -1,43 +1,59 @@
-"""The report of a comparison, or of a corrected simulation: its document, its charts, its folder."""
+"""The report of a comparison, or of a corrected simulation: its document, tables, charts, and its folder."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
 
-from rover_sweep.comparison.answer import Bode, Comparison, Twin, TwinDrive
+from rover_sweep.comparison.answer import (
+    ABSENT,
+    Agreement,
+    Bode,
+    Comparison,
+    Correction,
+    Difference,
+    Kind,
+    Twin,
+    TwinDrive,
+)
 from rover_sweep.data.codec import encoded, in_json
+from rover_sweep.data.results import Quantity, ends_words, number
 from rover_sweep.diagnosis.result import TimeHistory
 from rover_sweep.files.replaced import write_file
 from rover_sweep.report.charts.chart import ChartPlan
-from rover_sweep.report.charts.diagnosis_charts import bode_chart, overlay_chart
-from rover_sweep.report.comparison.difference_tables import (
-    agreement_table,
-    correction_table,
-    could_differ_table,
-    difference_table,
-    place_table,
-    rounds_table,
-)
+from rover_sweep.report.charts.diagnosis_charts import bode_chart, planned_histories
+from rover_sweep.report.diagnosis.tables import mismatch_table
 from rover_sweep.report.document import (
     Badge,
+    Cell,
+    Cells,
     Document,
     Figures,
     Level,
     Part,
     Section,
     Sentence,
+    Table,
     Tone,
     items,
     made_words,
     small_print,
     some,
+    table_of,
 )
 from rover_sweep.report.in_html import in_html
-from rover_sweep.report.wording import Provenance, plain, sentence, strict_json
+from rover_sweep.report.wording import (
+    Provenance,
+    channel,
+    plain,
+    range_words,
+    sentence,
+    strict_json,
+    symbol,
+    unit,
+)
 
 PREDICTED = "the simulation plus what the differences change"
 AGAIN = "the corrected simulation, driven again"
@@ -51,7 +67,8 @@ def comparison_report(found: Comparison, provenance: Provenance) -> Document:
         for d in found.differences
         if d.look_alikes
     )
-    histories = planned_histories(found.overlays, PREDICTED)
+    differ = difference_table(found.differences, "Differences", "page")
+    minor = difference_table(found.minor, "Smaller than the normal tolerance")
     return Document(
         _title(provenance, "simulation and recordings"),
         made_words(provenance),
@@ -64,11 +81,11 @@ def comparison_report(found: Comparison, provenance: Provenance) -> Document:
             *items([sentence(i.sentence) for i in found.instruments]),
         ),
         (
-            Section("What differs", _differences(found), "differences"),
-            Section("Where they differ", some(place_table(found.places)), "where"),
+            Section("What differs", some(differ, minor), "differences"),
+            Section("Where they differ", some(_places(found)), "where"),
             Section("Each run", some(agreement_table(found.agreement)), "runs"),
-            Section("Responses", some(Figures(planned_responses(found.bode, PREDICTED))), "bode"),
-            Section("Time histories", some(Figures(histories)), "histories"),
+            Section("Responses", some(Figures(_responses(found.bode, PREDICTED))), "bode"),
+            Section("Time histories", some(Figures(_histories(found.overlays, PREDICTED))), "histories"),
             Section(
                 "What could still differ unseen", some(could_differ_table(found)), "hidden", level="page"
             ),
@@ -76,11 +93,6 @@ def comparison_report(found: Comparison, provenance: Provenance) -> Document:
         ),
         foot=small_print(provenance),
     )
-
-
-def _differences(found: Comparison) -> tuple[Part, ...]:
-    differ = replace(difference_table(found.differences, "Differences"), level="page")
-    return some(differ, difference_table(found.minor, "Smaller than the normal tolerance"))
 
 
 def twin_report(found: Twin, provenance: Provenance) -> Document:
@@ -97,12 +109,10 @@ def twin_report(found: Twin, provenance: Provenance) -> Document:
         (
             Section("What was corrected", some(*corrected), "corrected"),
             Section("Drive by drive", some(rounds_table(found.rounds)), "rounds"),
-            Section(
-                "Responses before and after", some(Figures(planned_responses(found.bode, AGAIN))), "bode"
-            ),
+            Section("Responses before and after", some(Figures(_responses(found.bode, AGAIN))), "bode"),
             Section(
                 "Time histories before and after",
-                some(Figures(planned_histories(found.overlays, AGAIN))),
+                some(Figures(_histories(found.overlays, AGAIN))),
                 "histories",
             ),
             Section("Before the correction", _round(first), "before", level="page"),
@@ -117,9 +127,13 @@ def _round(found: Comparison) -> tuple[Part, ...]:
     return some(
         Sentence(sentence(found.sentence)),
         difference_table((*found.differences, *found.minor), "Differences"),
-        place_table(found.places),
+        _places(found),
         agreement_table(found.agreement),
     )
+
+
+def _places(found: Comparison) -> Table:
+    return mismatch_table(found.places, "Where simulation and recordings differ", "difference / noise")
 
 
 def _title(provenance: Provenance, what: str) -> str:
@@ -128,6 +142,104 @@ def _title(provenance: Provenance, what: str) -> str:
 
 def _tone(good: bool) -> Tone:
     return "good" if good else "warn"
+
+
+# The tables of a comparison.
+
+
+KINDS: dict[Kind, str] = {
+    "instrument": "instrument",
+    "number": "number",
+    "left out": "left out of the simulation",
+    "too much": "only in the simulation",
+    "size": "other size",
+}
+NOISE = "RMS of recorded minus simulated over the noise of both together: 1 is agreement."
+BOUNDS = (
+    "Recordings minus simulation, at 95 %: these runs do not exclude a difference within this range. "
+    "relative: 0.05 is 5 % of the number. matters: smaller is normal tolerance."
+)
+CHANNELS = ("r", "ay", "p", "vy")
+AGREES = 1.3
+
+
+def difference_table(found: Sequence[Difference], heading: str, level: Level = "brief") -> Table:
+    """Each difference with both values; one row per parameter."""
+    rows = []
+    for d in found:
+        for k, (one, two) in enumerate(zip(d.simulation, d.recordings, strict=True)):
+            first = ("", "") if k else (Cell(d.name, "strong"), KINDS[d.kind])
+            name = "" if one.name == d.name else symbol(one.name)
+            simulated = "none" if abs(one.value) >= ABSENT else number(one.value, 3)
+            rows.append((*first, name, simulated, Cell(value_text(two), "strong"), unit(two.unit)))
+    headings = ("what", "kind", "", "simulation", "recordings (90 %)", "unit")
+    return table_of(heading, headings, rows, "", 3, level)
+
+
+def value_text(v: Quantity) -> str:
+    """The value with its interval; "none" for a limit that does not exist."""
+    return "none" if abs(v.value) >= ABSENT else f"{number(v.value, 3)} ({ends_words(v.low, v.high)})"
+
+
+def agreement_table(agreement: Sequence[Agreement]) -> Table:
+    """Each run against its simulation, per channel and over all."""
+    shown = [c for c in CHANNELS if any(c in a.channels for a in agreement)]
+    rows: list[Cells] = [
+        (a.run, _role(a.held_out), *(number(a.channels.get(c), 2) for c in shown), _level(a.overall))
+        for a in agreement
+    ]
+    headings = ("run", "", *(channel(c) for c in shown), "all")
+    return table_of("Difference of each run", headings, rows, NOISE, 2)
+
+
+def _level(overall: float | None) -> Cell:
+    return Cell(number(overall, 3), "" if overall is None else _tone(overall <= AGREES))
+
+
+def could_differ_table(found: Comparison) -> Table:
+    """How much each quantity could still differ unseen."""
+    rows = (
+        (name, "" if p == name else symbol(p), range_words(b), number(b.matters, 2), unit(b.unit))
+        for name, bounds in found.could_differ.items()
+        for p, b in bounds.items()
+    )
+    headings = ("quantity or effect", "", "could differ by", "matters", "unit")
+    return table_of("What could still differ unseen", headings, rows, BOUNDS, 2)
+
+
+def correction_table(corrections: Sequence[Correction], level: Level) -> Table:
+    """Entry, simulation before, recordings, simulation after; with the reasons only on a page."""
+    rows = (
+        (
+            Cell(c.entry.removeprefix("effects."), "strong"),
+            c.before or "–",
+            c.recordings or "–",
+            Cell(c.after or "–", "strong"),
+            unit(c.unit),
+            *((c.reason,) if level == "page" else ()),
+        )
+        for c in corrections
+    )
+    reasons = ("what it is",) if level == "page" else ()
+    headings = ("entry", "before", "recorded (90 %)", "after", "unit", *reasons)
+    return table_of("What was corrected in the simulated rover", headings, rows, "", 6, level)
+
+
+def rounds_table(rounds: Sequence[TwinDrive]) -> Table:
+    """The difference of each run in each drive of the simulation."""
+    levels = [{a.run: a.overall for a in reversed(r.comparison.agreement)} for r in rounds]
+    names = dict.fromkeys((a.run, a.held_out) for r in rounds for a in r.comparison.agreement)
+    rows: list[Cells] = [(run, _role(held), *(_level(of.get(run)) for of in levels)) for run, held in names]
+    drives = (
+        f"drive {k + 1}" + (f", {r.simulator}" if r.simulator != "plant" else "")
+        for k, r in enumerate(rounds)
+    )
+    return table_of("Difference of each run, drive by drive", ("run", "", *drives), rows, NOISE, 2)
+
+
+def _role(held_out: bool) -> str:
+    """What a run was for."""
+    return "held out" if held_out else "used"
 
 
 # The pictures of a comparison and of a corrected simulation.
@@ -140,32 +252,19 @@ OVERLAY = (
 BODE = "Responses to the steering. White: where the recording is coherent."
 
 
-def planned_histories(overlays: Sequence[TimeHistory], after: str) -> tuple[ChartPlan, ...]:
+def _histories(overlays: Sequence[TimeHistory], after: str) -> tuple[ChartPlan, ...]:
     """Time histories, not made yet. after: what `after` is, in words."""
-    by_run: dict[tuple[str, bool], list[TimeHistory]] = {}
-    for o in overlays:
-        by_run.setdefault((o.run, o.held_out), []).append(o)
-    return tuple(
-        ChartPlan(
-            f"overlay-{k}",
-            f"{run}, {_role(held_out)}. Before: the simulation; after: {after}. {OVERLAY}",
-            partial(overlay_chart, tuple(channels)),
-        )
-        for k, ((run, held_out), channels) in enumerate(by_run.items())
-    )
+    words = f"Before: the simulation; after: {after}. {OVERLAY}"
+    return planned_histories(overlays, "overlay", _role(False), words)
 
 
-def planned_responses(responses: Sequence[Bode], after: str) -> tuple[ChartPlan, ...]:
+def _responses(responses: Sequence[Bode], after: str) -> tuple[ChartPlan, ...]:
     """Responses to the steering, not made yet."""
     if not responses:
         return ()
     first = responses[0]
     caption = f"{first.run}, {_role(first.held_out)}. Before: the simulation; after: {after}. {BODE}"
     return (ChartPlan("bode", caption, partial(bode_chart, tuple(responses))),)
-
-
-def _role(held_out: bool) -> str:
-    return "held out" if held_out else "used"
 
 
 # comparison.json and twin.json: the answers for programs.

@@ -8,14 +8,19 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from rover_sweep.data.recording import Recording, grouped_warnings
+from rover_sweep.data.recording import grouped_warnings
 from rover_sweep.data.results import number
-from rover_sweep.diagnosis.plans.planner import NAMES, DetectableSize, Plan, PlannedRun, SimilarPair
-from rover_sweep.diagnosis.result import Diagnosis, Finding, LawCurve, TimeHistory, Unknown
+from rover_sweep.diagnosis.plans.planner import NAMES, Plan, PlannedRun, SimilarPair
+from rover_sweep.diagnosis.result import Diagnosis, Finding, LawCurve, Unknown
 from rover_sweep.diagnosis.verdict import importance_words
 from rover_sweep.files.replaced import remove_file, write_file
 from rover_sweep.report.charts.chart import ChartPlan
-from rover_sweep.report.charts.diagnosis_charts import curves_chart, drawable, mismatch_chart, overlay_chart
+from rover_sweep.report.charts.diagnosis_charts import (
+    curves_chart,
+    drawable,
+    mismatch_chart,
+    planned_histories,
+)
 from rover_sweep.report.diagnosis.diagnosis_json import DiagnosisOrigin, diagnosis_document
 from rover_sweep.report.diagnosis.tables import (
     bound_table,
@@ -31,10 +36,10 @@ from rover_sweep.report.diagnosis.tables import (
     mismatch_table,
     next_words,
     score_table,
-    unseen_table,
     value_table,
 )
 from rover_sweep.report.document import (
+    ZOOM,
     Badge,
     Cell,
     Document,
@@ -49,12 +54,14 @@ from rover_sweep.report.document import (
     made_words,
     small_print,
     some,
+    table_of,
 )
 from rover_sweep.report.identification.identification_json import AXES
 from rover_sweep.report.in_html import Progress, in_html, made_charts
 from rover_sweep.report.wording import channel, count, hiding_words, plain, sentence, strict_json, unit
 
 WITHOUT_EFFECT = "The whole model, compared with it without this effect"
+UNSEEN = "Effects that these runs cannot detect"
 TONES: dict[str, Tone] = {
     "none": "good",
     "explained": "good",
@@ -62,10 +69,6 @@ TONES: dict[str, Tone] = {
     "unexplained": "warn",
     "refused": "bad",
 }
-ZOOM = (
-    "Drag to zoom, double-click for the whole range, Ctrl and wheel to zoom at the cursor; on a phone: pinch "
-    "and drag."
-)
 NOT_HELD_OUT = (
     "No run was held out, so the improvement is not verified: drive a doublet or one more sweep, and give it "
     "with --hold-out."
@@ -126,18 +129,13 @@ def _answer(found: Diagnosis) -> tuple[Part, ...]:
 
 
 def _hidden(found: Diagnosis) -> Section:
-    rest = some(bound_table(found, noticed=False))
-    parts = (
-        *some(bound_table(found, noticed=True)),
-        *((Section("The other effects", rest, folded="closed"),) if rest else ()),
-    )
+    rest = Section("The other effects", some(bound_table(found, noticed=False)), folded="closed")
+    parts = some(bound_table(found, noticed=True), rest)
     return Section("What could still hide in these runs", parts, "bounds", level="full")
 
 
 def _held_out(found: Diagnosis) -> Section:
-    tables: tuple[Part, ...] = ()
-    if found.held_out:
-        tables = some(held_out_table(found.held_out, "On held-out runs"), cost_table(found.held_out))
+    tables = some(held_out_table(found.held_out, "On held-out runs"), cost_table(found.held_out))
     missing = "" if found.held_out_runs or found.verdict == "refused" else NOT_HELD_OUT
     figures = Figures(_runs(found, held_out=True))
     hint = Sentence(ZOOM if figures.charts else "", "muted", level="page")
@@ -170,7 +168,7 @@ def _places(found: Diagnosis) -> Section:
             Sentence(SIZES_OF_PLACES, "muted", level="page"),
             Figures(tuple(charts), small=True),
             *words,
-            mismatch_table(found),
+            mismatch_table(found.mismatch, heading, "residual / noise"),
         ),
         "where",
     )
@@ -187,7 +185,7 @@ def _findings(found: Diagnosis) -> Section:
 
 def _finding(f: Finding) -> Section:
     said = " ".join(filter(None, (sentence(f.sentence), importance_words(f), sentence(f.turn))))
-    held = held_out_table(f.held_out, WITHOUT_EFFECT, note=False) if f.held_out else None
+    held = held_out_table(f.held_out, WITHOUT_EFFECT, note=False)
     return Section(
         finding_title(f),
         some(
@@ -205,16 +203,14 @@ def _finding(f: Finding) -> Section:
 
 def _unknown(u: Unknown | None, headline: str) -> Section:
     """The unexplained part; on a terminal without what the headline says already."""
+    heading = "Part that no candidate explains"
     if u is None:
-        return Section("Part that no candidate explains", (), "unknown")
+        return Section(heading, (), "unknown")
     clauses = "; ".join(clause for clause in u.sentence.split("; ") if clause not in headline)
     rows = (
         ("where", channel(u.channel)),
         ("size", f"{number(u.residual_over_noise, 2)} × the noise"),
         ("depends on", u.depends_on),
-    )
-    table = Table(
-        "Part that no candidate explains", ("", ""), tuple((Cell(a), Cell(b)) for a, b in rows), "", 2
     )
     law = sentence(law_words(u))
     kind = (
@@ -222,10 +218,10 @@ def _unknown(u: Unknown | None, headline: str) -> Section:
     )
     charts = (ChartPlan("unknown-law", LAW, partial(curves_chart, u.curves)),) if u.curves else ()
     return Section(
-        "Part that no candidate explains",
+        heading,
         some(
             Sentence(sentence(u.sentence), level="page"),
-            table,
+            table_of(heading, ("", ""), rows, "", 2),
             Sentence(sentence(clauses), level="terminal"),
             Sentence(law, code=True),
             Sentence(f"{kind}; a description, not a physical law." if law else "", "muted", level="page"),
@@ -238,8 +234,11 @@ def _unknown(u: Unknown | None, headline: str) -> Section:
 
 def _candidates(found: Diagnosis) -> Section:
     scores = score_table(found)
-    none = "" if scores else "No candidate was scored."
+    none = "" if scores.rows else "No candidate was scored."
     parameters = value_table(found.parameters, "The model, refitted with the effects")
+    unseen = table_of(
+        UNSEEN, ("effect", "why"), ((u.effect, u.why) for u in found.cannot_see if not u.up_to), "", 2
+    )
     fitted = Figures(_runs(found, held_out=False))
     return Section(
         "Candidates and model",
@@ -247,7 +246,7 @@ def _candidates(found: Diagnosis) -> Section:
             Sentence(none, level="page"),
             Section("All candidates", some(scores), folded="closed", level="page"),
             Section("The model with the findings", some(parameters), folded="closed", level="page"),
-            Section("Effects that these runs cannot detect", some(unseen_table(found)), "unseen", "closed"),
+            Section(UNSEEN, some(unseen), "unseen", "closed"),
             Section("Runs used in the fit", some(fitted), "fitted", "closed", level="page"),
         ),
         "candidates",
@@ -256,33 +255,29 @@ def _candidates(found: Diagnosis) -> Section:
 
 def _origin(found: Diagnosis, origin: DiagnosisOrigin) -> Section:
     warnings = grouped_warnings(run for _, run in origin.recordings)
+    used = (
+        (
+            run.name,
+            role,
+            run.kind,
+            "; ".join(f"{file}, sha256 {digest}" for file, digest in run.sources),
+            f"{run.span[1] - run.span[0]:.1f}",
+        )
+        for role, run in origin.recordings
+    )
+    headings = ("run", "used as", "kind", "file", "s")
     return Section(
         "Remarks and origin",
         some(
             *items([sentence(remark) for remark in found.remarks], "muted"),
             *items([sentence(words) for words in warnings], "muted", "page"),
-            _used(origin.recordings),
+            table_of("Recordings", headings, used, "", 4, "page"),
             Sentence(MEASURES, level="page"),
             Sentence(f"{found.seconds:.1f} s.", "muted", level="page"),
             *(replace(words, level="page") for words in small_print(origin.provenance)),
         ),
         "origin",
     )
-
-
-def _used(recordings: Sequence[tuple[str, Recording]]) -> Table:
-    rows = tuple(
-        (
-            Cell(run.name),
-            Cell(role),
-            Cell(run.kind),
-            Cell("; ".join(f"{file}, sha256 {digest}" for file, digest in run.sources)),
-            Cell(f"{run.span[1] - run.span[0]:.1f}"),
-        )
-        for role, run in recordings
-    )
-    headings = ("run", "used as", "kind", "file", "s")
-    return Table("Recordings", headings, rows, text_columns=4, level="page")
 
 
 # The pictures of a diagnosis and their captions.
@@ -308,28 +303,19 @@ BENT = 0.05  # share of a curve's height from which a terminal draws its bend
 
 def _runs(found: Diagnosis, held_out: bool) -> tuple[ChartPlan, ...]:
     """The runs measured and simulated."""
-    by_run: dict[str, list[TimeHistory]] = {}
-    for o in found.overlays:
-        if o.t.size > 1 and o.held_out == held_out:
-            by_run.setdefault(o.run, []).append(o)
-    role, name = ("held out", "held-out") if held_out else ("used in the fit", "fitted")
-    return tuple(
-        ChartPlan(
-            f"{name}-{k}",
-            f"{run}, {role}. {OVERLAY}",
-            partial(overlay_chart, tuple(channels), bool(found.findings)),
-        )
-        for k, (run, channels) in enumerate(by_run.items())
-    )
+    drawn = [o for o in found.overlays if o.t.size > 1 and o.held_out == held_out]
+    name = "held-out" if held_out else "fitted"
+    return planned_histories(drawn, name, "used in the fit", OVERLAY, bool(found.findings))
 
 
 def _curves(found: Diagnosis) -> tuple[Part, ...]:
-    def figures(curves: Sequence[LawCurve], level: Level) -> Figures:
-        plan = ChartPlan("curves", CURVES, partial(curves_chart, curves))
-        return Figures((plan,) if curves else (), level=level)
-
     bent = [curve for curve in found.curves if curve.bend >= BENT]
-    return some(figures(found.curves, "page"), figures(bent, "terminal"))
+    shown: tuple[tuple[Sequence[LawCurve], Level], ...] = ((found.curves, "page"), (bent, "terminal"))
+    return tuple(
+        Figures((ChartPlan("curves", CURVES, partial(curves_chart, curves)),), level=level)
+        for curves, level in shown
+        if curves
+    )
 
 
 # Folder of a diagnosis: diagnosis.html, diagnosis.json, and variant.toml for the simulated rover.
@@ -399,7 +385,7 @@ def plan_document(plan: Plan) -> dict[str, Any]:
 def plan_report(plan: Plan) -> Document:
     """Sentences, runs, detectable sizes, limits and proposed runs."""
     first, *rest = plan.sentences or ("",)
-    unseen = tuple((Cell(u.effect), Cell(u.why)) for u in plan.cannot_see)
+    unseen = ((u.effect, u.why) for u in plan.cannot_see)
     added = "Additional runs to drive" if plan.runs else "Runs to drive"
     return Document(
         "Plan",
@@ -412,7 +398,7 @@ def plan_report(plan: Plan) -> Document:
                     run_table(plan.runs, "These runs"),
                     size_table(plan),
                     pair_table(plan.look_alikes, "Effects that these runs cannot separate"),
-                    Table("Effects that these runs cannot detect", ("effect", "why"), unseen, text_columns=2),
+                    table_of(UNSEEN, ("effect", "why"), unseen, text_columns=2),
                     run_table(plan.proposal, added),
                     *(Sentence(sentence(text)) for text in plan.settles if plan.proposal),
                     pair_table(plan.proposed_look_alikes, "Effects still not separated with them"),
@@ -425,36 +411,30 @@ def plan_report(plan: Plan) -> Document:
 
 def run_table(runs: Sequence[PlannedRun], heading: str) -> Table:
     """Kind, amplitude, speed, heading and number of each run."""
-    rows = tuple(_run(run) for run in runs)
-    return Table(heading, ("", "amplitude, us", "speed, m/s", "heading, deg", "times"), rows)
-
-
-def _run(run: PlannedRun) -> tuple[Cell, ...]:
-    kind = NAMES[run.kind] + (f", {run.name}" if run.name else "")
-    amplitude = f"{run.amplitude_us:g}" + (f" about {run.bias_us:+g}" if run.bias_us else "")
-    speed = f"{run.speed:g}" if run.speed else "0"
-    heading = "any" if run.heading is None else f"{run.heading:.0f}"
-    return Cell(kind), Cell(amplitude), Cell(speed), Cell(heading), Cell(str(run.repeat))
+    rows = (
+        (
+            NAMES[run.kind] + (f", {run.name}" if run.name else ""),
+            f"{run.amplitude_us:g}" + (f" about {run.bias_us:+g}" if run.bias_us else ""),
+            f"{run.speed:g}",
+            "any" if run.heading is None else f"{run.heading:.0f}",
+            str(run.repeat),
+        )
+        for run in runs
+    )
+    return table_of(heading, ("", "amplitude, us", "speed, m/s", "heading, deg", "times"), rows)
 
 
 def size_table(plan: Plan) -> Table:
     """Detectable size of each effect, in the plan's order; marked where it exceeds the size that matters."""
-    rows = tuple(_size(effect, size) for effect, size in plan.detectable.items())
-    return Table("Detectable sizes", ("effect", "", "detectable", "matters", "unit"), rows, SIZES, 2)
-
-
-def _size(effect: str, size: DetectableSize) -> tuple[Cell, ...]:
-    too_large = size.size is None or (size.material is not None and size.size > size.material)
-    return (
-        Cell(effect),
-        Cell(size.parameter),
-        Cell(number(size.size, 2), "warn" if too_large else ""),
-        Cell(number(size.material, 2)),
-        Cell(unit(size.unit)),
-    )
+    rows = []
+    for effect, size in plan.detectable.items():
+        too_large = size.size is None or (size.material is not None and size.size > size.material)
+        detectable = Cell(number(size.size, 2), "warn" if too_large else "")
+        rows.append((effect, size.parameter, detectable, number(size.material, 2), unit(size.unit)))
+    return table_of("Detectable sizes", ("effect", "", "detectable", "matters", "unit"), rows, SIZES, 2)
 
 
 def pair_table(pairs: Sequence[SimilarPair], heading: str) -> Table:
     """Pairs of effects with the expected probability of the second where the first is true."""
-    rows = tuple((Cell(p.first), Cell(p.second), Cell(f"{100 * p.probability:.0f} %")) for p in pairs)
-    return Table(heading, ("true", "explains it as well", "probability"), rows, text_columns=2)
+    rows = ((p.first, p.second, f"{100 * p.probability:.0f} %") for p in pairs)
+    return table_of(heading, ("true", "explains it as well", "probability"), rows, text_columns=2)

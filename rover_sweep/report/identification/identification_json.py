@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 
 from rover_sweep.data.recording import Recording
-from rover_sweep.data.results import Intervals, Quantity
+from rover_sweep.data.results import Quantity
 from rover_sweep.data.vehicle_rules import LARGEST_OF_STEERING
 from rover_sweep.identification.acceptance import inertia_of, judged_runs, ordered, rejection
 from rover_sweep.identification.fit import Estimate, FitResult
 from rover_sweep.identification.grouping import Group
 from rover_sweep.identification.model_results import TIED
-from rover_sweep.identification.pipeline import Identification, ModelResult
+from rover_sweep.identification.pipeline import Identification
 from rover_sweep.identification.state_space import OUTPUTS
 from rover_sweep.identification.verify import Verification
 from rover_sweep.quality.verdict import CoherenceVerdict
@@ -33,14 +33,20 @@ def model_document(result: Identification, name: str) -> dict[str, Any]:
     "reason", and "rejected" has the optimiser's numbers.
     """
     model, reason = result.models[name], rejection(result, name)
+    more, some = {}, next((e.interval for e in model.fit.estimates if e.interval), None)
+    # C of the fit with one C for both axles is no parameter of this fit; kept for programs that read C
+    if tied := model.variants.get(TIED):
+        more["C"] = {**parameters_document(tied, reason)["C"], "variant": TIED}
     return {
         "verdict": {"level": model.verdict.level, "sentences": model.verdict.sentences},
         "reference": model.fit.structure.reference,
         "speed_m_s": model.fit.speed,
-        "parameters": parameters_document(model.fit, reason) | _tied_stiffness(model, reason),
-        "bootstrap": _bootstrap(model.fit),
+        "parameters": parameters_document(model.fit, reason) | more,
+        "bootstrap": {"level": some.level, "replicates": some.replicates, "failed": some.failed}
+        if some
+        else None,
         "cost": _cost(model.costs, model.fit.costs),
-        "verification": _first(model),
+        "verification": _verification(model.verification[0]) if model.verification else None,
         "verification_runs": [_verification(v) for v in model.verification],
         "poles": _poles(model.fit),
         "starts_spread_percent": 100 * model.fit.spread,
@@ -64,15 +70,6 @@ def model_document(result: Identification, name: str) -> dict[str, Any]:
     }
 
 
-def _tied_stiffness(model: ModelResult, reason: str | None) -> dict[str, Any]:
-    """C of the fit with one C for both axles, where the fit has Cf and Cr: not a parameter of this fit.
-
-    Its "variant" names that fit, which is in `variants`. Kept for programs that read C.
-    """
-    tied = model.variants.get(TIED)
-    return {"C": {**parameters_document(tied, reason)["C"], "variant": TIED}} if tied else {}
-
-
 def parameters_document(fit: FitResult, reason: str | None = None) -> dict[str, Any]:
     """{name: {value, unit, free, cr_percent, insensitivity_percent, interval_90, sd, ..., meaning}}.
 
@@ -86,34 +83,13 @@ def _parameter(e: Estimate, reason: str | None) -> dict[str, Any]:
         "value": e.value,
         "cr_percent": e.cr_percent,
         "insensitivity_percent": e.insensitivity_percent,
-        **_interval(e.interval),
+        "interval_90": [e.interval.low, e.interval.high] if e.interval else None,
+        "sd": e.interval.sd if e.interval else None,
+        "bias": e.interval.bias if e.interval else None,
     }
-    shown = dict.fromkeys(numbers) if reason else numbers
-    out = {
-        "value": shown["value"],
-        "unit": e.unit,
-        "free": e.free,
-        "cr_percent": shown["cr_percent"],
-        "insensitivity_percent": shown["insensitivity_percent"],
-        "interval_90": shown["interval_90"],
-        "sd": shown["sd"],
-        "bias": shown["bias"],
-        "at_bound": e.at_bound,
-        "meaning": e.meaning,
-    }
-    return out | ({"reason": reason, "rejected": numbers} if reason else {})
-
-
-def _interval(interval: Intervals | None) -> dict[str, Any]:
-    if interval is None:
-        return dict.fromkeys(("interval_90", "sd", "bias"))
-    return {"interval_90": [interval.low, interval.high], "sd": interval.sd, "bias": interval.bias}
-
-
-def _bootstrap(fit: FitResult) -> dict[str, Any] | None:
-    """Level, number of converged replicates and number of failed ones; None without intervals."""
-    found = next((e.interval for e in fit.estimates if e.interval), None)
-    return {"level": found.level, "replicates": found.replicates, "failed": found.failed} if found else None
+    shown: dict[str, Any] = dict.fromkeys(numbers) if reason else numbers
+    own = {"unit": e.unit, "free": e.free, "at_bound": e.at_bound, "meaning": e.meaning}
+    return shown | own | ({"reason": reason, "rejected": numbers} if reason else {})
 
 
 def _cost(costs: Mapping[str, float], fitted: Mapping[str, float]) -> dict[str, Any]:
@@ -124,10 +100,6 @@ def _cost(costs: Mapping[str, float], fitted: Mapping[str, float]) -> dict[str, 
         "fitted": list(fitted),
         "average_all": float(np.mean(list(costs.values()))),
     }
-
-
-def _first(model: ModelResult) -> dict[str, Any] | None:
-    return _verification(model.verification[0]) if model.verification else None
 
 
 def _verification(v: Verification) -> dict[str, Any]:
@@ -184,7 +156,7 @@ def identification_document(result: Identification, provenance: Provenance) -> d
             "refused": result.refused,
             "inertia": inertia_document(result, provenance),
             "handling": handling_document(result, provenance.verify_runs),
-            "runs": _runs(result),
+            "runs": [recording_document(r) | (_verdict(v) if v else {}) for r, v in judged_runs(result)],
             "verification_recordings": [recording_document(run) for run in provenance.verify_runs],
             "groups": [_group(group) for group in result.groups],
             "vehicle": _vehicle(result, provenance),
@@ -233,10 +205,6 @@ def _vehicle(result: Identification, provenance: Provenance) -> dict[str, Any]:
         "geometry": asdict(result.geometry),
         "steering": steering,
     }
-
-
-def _runs(result: Identification) -> list[dict[str, Any]]:
-    return [recording_document(run) | (_verdict(v) if v else {}) for run, v in judged_runs(result)]
 
 
 def _verdict(verdict: CoherenceVerdict) -> dict[str, Any]:
@@ -296,6 +264,13 @@ def _group(group: Group) -> dict[str, Any]:
 
 
 def _response(f: FrequencyResponse) -> dict[str, Any]:
+    conditioning = {}
+    if f.multiple_coherence is not None and f.input_coherence is not None:  # "coherence" is then partial
+        conditioning = {
+            "conditioned_on": f.conditioned_on,
+            "multiple_coherence": _rounded(f.multiple_coherence),
+            "input_coherence": _rounded(f.input_coherence),
+        }
     return {
         "unit": f.unit,
         "band": f.band,
@@ -304,19 +279,8 @@ def _response(f: FrequencyResponse) -> dict[str, Any]:
         "magnitude_db": _rounded(f.magnitude_db),
         "phase_deg": _rounded(f.phase_deg),
         "coherence": _rounded(f.coherence),
-        **_conditioning(f),
+        **conditioning,
         "random_error": _rounded(f.random_error),
-    }
-
-
-def _conditioning(f: FrequencyResponse) -> dict[str, Any]:
-    """Entries for a response conditioned on other inputs, whose "coherence" is the partial one; else {}."""
-    if f.multiple_coherence is None or f.input_coherence is None:
-        return {}
-    return {
-        "conditioned_on": f.conditioned_on,
-        "multiple_coherence": _rounded(f.multiple_coherence),
-        "input_coherence": _rounded(f.input_coherence),
     }
 
 

@@ -6,7 +6,7 @@ import csv
 import io
 import math
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -33,8 +33,8 @@ from rover_sweep.report.charts.response_charts import (
     verification_chart,
 )
 from rover_sweep.report.document import (
+    ZOOM,
     Badge,
-    Cell,
     Document,
     Figures,
     Part,
@@ -47,6 +47,7 @@ from rover_sweep.report.document import (
     made_words,
     small_print,
     some,
+    table_of,
 )
 from rover_sweep.report.export.exported_model import exported_model
 from rover_sweep.report.identification.identification_json import AXES, identification_document
@@ -79,10 +80,6 @@ from rover_sweep.report.in_html import Progress, in_html, made_charts
 from rover_sweep.report.wording import SHORT_NAMES, SI, Provenance, ShownUnits, count, sentence, strict_json
 
 LEVELS: dict[str, Tone] = {"good": "good", "acceptable": "good", "poor": "warn"}
-ZOOM = (
-    "Drag to zoom, double-click for the whole range, Ctrl and wheel to zoom at the cursor, ◀ ▶ to move; on a "
-    "phone: pinch and drag. The values under the cursor stand below each panel."
-)
 COSTS = (
     ("J", "misfit of a frequency response in dB and deg: up to 50 hardly visible, up to 100 acceptable."),
     (
@@ -209,13 +206,9 @@ def _comparison(result: Identification, provenance: Provenance, units: ShownUnit
 
 def _models(result: Identification) -> Section:
     models = [_model(result, name) for name in ordered(result)]
-    remark, table = filters_remark(result), filters_table(result)
-    filters = Section(
-        "Effect of the sensors' filters",
-        some(Sentence(filters_known(result)), Sentence(remark or "", "strong"), table),
-        "filters",
-        "closed",
-    )
+    remark = Sentence(filters_remark(result) or "", "strong")
+    effect = some(Sentence(filters_known(result)), remark, filters_table(result))
+    filters = Section("Effect of the sensors' filters", effect, "filters", "closed")
     return Section("Models", (Terms(ACCURACIES), *models, filters), "models", level="full")
 
 
@@ -243,7 +236,16 @@ def _model(result: Identification, name: str) -> Section:
 def _recordings(result: Identification, provenance: Provenance, units: ShownUnits) -> Section:
     fits = [_recording(run, "identification", v.sentence if v else "") for run, v in judged_runs(result)]
     checks = [_recording(run, "verification", "") for run in provenance.verify_runs]
-    histories = Figures(_histories((*identified_runs(result), *provenance.verify_runs), units))
+    histories = Figures(
+        _distinct(
+            ChartPlan(
+                f"history-{_slug(run.name)}",
+                f"Time history of {run.name}. {HISTORY}",
+                partial(run_chart, run, units),
+            )
+            for run in (*identified_runs(result), *provenance.verify_runs)
+        )
+    )
     details = "Channels, notes and files of each run"
     return Section(
         "Recordings",
@@ -260,7 +262,17 @@ def _recording(run: Recording, role: str, verdict: str) -> Section:
     start, end = run.span
     firmware = f", {run.firmware}" if run.firmware else ""
     notes = (Sentence(n.text, "warn" if n.level == "warning" else "", item=True) for n in run.notes)
-    rows = tuple(tuple(map(Cell, _channel(run, name))) for name in run.channels)
+    filters = {c: f"{number(f.cutoff_hz, 3)} Hz ({f.source})" for c, f in run.filters.items()}
+    rows = (
+        (
+            SHORT_NAMES.get(name, name),
+            signal.source or "–",
+            signal.unit,
+            number(run.manoeuvre(name).rate, 3),
+            filters.get(name, "–"),
+        )
+        for name, signal in run.channels.items()
+    )
     headings = ("channel", "source", "unit", "rate, Hz", "known low-pass")
     files = (Sentence(f"{file}: sha256 {digest}", "muted", code=True) for file, digest in run.sources)
     return Section(
@@ -269,18 +281,11 @@ def _recording(run: Recording, role: str, verdict: str) -> Section:
             Sentence(sentence(verdict)),
             Sentence(f"{run.kind}, {end - start:.1f} s{firmware}", "muted"),
             *notes,
-            Table("Channels", headings, rows, text_columns=3),
+            table_of("Channels", headings, rows, text_columns=3),
             *files,
         ),
         badges=(Badge(role, "muted"),),
     )
-
-
-def _channel(run: Recording, name: str) -> tuple[str, ...]:
-    signal, known = run.channels[name], run.filters.get(name)
-    rate = number(run.manoeuvre(name).rate, 3)
-    low_pass = f"{number(known.cutoff_hz, 3)} Hz ({known.source})" if known else "–"
-    return SHORT_NAMES.get(name, name), signal.source or "–", signal.unit, rate, low_pass
 
 
 # The report's charts, their captions, and the functions that make them.
@@ -308,25 +313,13 @@ def shown_models(result: Identification) -> dict[str, ModelResult]:
     return found if result.recommended == "kinematic" or not larger else larger
 
 
-def _histories(runs: tuple[Recording, ...], units: ShownUnits) -> tuple[ChartPlan, ...]:
-    return _distinct(
-        ChartPlan(
-            f"history-{_slug(run.name)}",
-            f"Time history of {run.name}. {HISTORY}",
-            partial(run_chart, run, units),
-        )
-        for run in runs
-    )
-
-
 def _responses(result: Identification, units: ShownUnits) -> tuple[ChartPlan, ...]:
     models, plans = shown_models(result), []
     for group in (g for g in result.groups if g.responses):
         at = f" at {group.speed:.2f} m/s"
-        name, caption = (
-            "responses",
-            f"Measured frequency responses{at}, windows of {_windows(group)}. {RESPONSES}",
-        )
+        windows = ", ".join(f"{t:.1f}" for t in next(iter(group.responses.values())).windows)
+        name = "responses"
+        caption = f"Measured frequency responses{at}, windows of {windows} s. {RESPONSES}"
         if models:
             name, caption = "models", f"Measured responses{at} and the models' {MODELS}"
             if "lumped" in models and group is not result.groups[0]:
@@ -351,11 +344,6 @@ def _errors(result: Identification) -> tuple[ChartPlan, ...]:
 
 def _suffix(result: Identification, group: Group) -> str:
     return f"-{group.speed:.2f}mps".replace(".", "p") if len(result.groups) > 1 else ""
-
-
-def _windows(group: Group) -> str:
-    lengths = next(iter(group.responses.values())).windows
-    return ", ".join(f"{t:.1f}" for t in lengths) + " s"
 
 
 def _verifications(
@@ -436,55 +424,31 @@ def write_report(
     share done, 0..1, and the current file. Models with rejected numbers are not exported. UsageError if the
     directory is not writable. units: of page and pictures; the documents are in SI.
     """
-    report = progress or _silent
+    report: Progress = progress or (lambda share, what: None)
     report(0.0, "identification.json")
     text = strict_json(identification_document(result, provenance))
-    models = _exported(result, provenance)
+    vehicle, steering = provenance.vehicle, None
+    if vehicle and vehicle.trim_us and vehicle.rad_per_us:
+        steering = vehicle.trim_us.value, vehicle.rad_per_us.value
+    models = {n: strict_json(exported_model(result, n, steering)) for n in usable(result)}
     links = (("speed.html", "Speed"),) if (directory / "speed.html").is_file() else ()
     document = identification_report(result, provenance, units, links)
     charts = made_charts(document, lambda share, what: report(0.05 + 0.85 * share, what))
     report(0.95, "report.html")
-    pages = {"report.html": in_html(document, charts), "responses.csv": responses_csv(result)}
-    files = _write(directory, text, pages, {f"{name}.svg": c.svg for name, c in charts.items()}, models)
-    report(1.0, "done")
-    return files
-
-
-def _silent(share: float, what: str) -> None:
-    """Default progress: does nothing."""
-
-
-def _exported(result: Identification, provenance: Provenance) -> dict[str, str]:
-    """{file name: content} of models/."""
-    vehicle = provenance.vehicle
-    steering = None
-    if vehicle and vehicle.trim_us and vehicle.rad_per_us:
-        steering = vehicle.trim_us.value, vehicle.rad_per_us.value
-    return {f"{name}.json": strict_json(exported_model(result, name, steering)) for name in usable(result)}
-
-
-def _write(
-    directory: Path,
-    document: str,
-    pages: Mapping[str, str],
-    pictures: Mapping[str, str],
-    models: Mapping[str, str],
-) -> ReportFiles:
+    page, responses = in_html(document, charts), responses_csv(result)
     remove_file(directory / "identification.json")
-    pictures_written = _write_folder(directory / "pictures", "*.svg", pictures)
-    models_written = _write_folder(directory / "models", "*.json", models)
-    page, responses = (write_file(directory / name, content) for name, content in pages.items())
-    last = write_file(directory / "identification.json", document)
-    return ReportFiles(directory, last, page, responses, pictures_written, models_written)
+    pictures = _write_folder(directory / "pictures", ".svg", {n: c.svg for n, c in charts.items()})
+    exported = _write_folder(directory / "models", ".json", models)
+    html = write_file(directory / "report.html", page)
+    table = write_file(directory / "responses.csv", responses)
+    last = write_file(directory / "identification.json", text)
+    report(1.0, "done")
+    return ReportFiles(directory, last, html, table, pictures, exported)
 
 
-def _write_folder(directory: Path, pattern: str, contents: Mapping[str, str]) -> tuple[Path, ...]:
-    written = tuple(write_file(directory / name, content) for name, content in contents.items())
-    _remove_others(directory, pattern, written)
-    return written
-
-
-def _remove_others(directory: Path, pattern: str, keep: Sequence[Path]) -> None:
-    """Remove files of an older report, such as models that are now rejected."""
-    for path in set(directory.glob(pattern)) - set(keep):
+def _write_folder(directory: Path, suffix: str, contents: Mapping[str, str]) -> tuple[Path, ...]:
+    """Removes files of an older report, such as models that are now rejected."""
+    written = tuple(write_file(directory / f"{n}{suffix}", text) for n, text in contents.items())
+    for path in set(directory.glob(f"*{suffix}")) - set(written):
         path.unlink()
+    return written

@@ -14,7 +14,7 @@ from rover_sweep.identification.handling import UNITS, Handling, warnings
 from rover_sweep.identification.model_results import UNTIED, ModelResult
 from rover_sweep.identification.pipeline import Identification
 from rover_sweep.identification.verdicts import J_ACCEPTABLE, J_GOOD
-from rover_sweep.report.document import Cell, Table
+from rover_sweep.report.document import Cell, Cells, Table, table_of
 from rover_sweep.report.identification.tables import IGNORED
 from rover_sweep.report.wording import SHORT_NAMES, SI, Provenance, ShownUnits, symbol, unit
 
@@ -43,15 +43,15 @@ def handling_table(result: Identification, units: ShownUnits = SI) -> Table | No
     found = _told(result)
     if not found:
         return None
-    rows = tuple(
+    rows: list[Cells] = [
         (
-            Cell(LABELS[name]),
-            Cell(units.words(unit(UNITS[name][0]))),
+            LABELS[name],
+            units.words(unit(UNITS[name][0])),
             *(_cell(h.told.get(name), units.factor(UNITS[name][0])) for h in found.values()),
         )
         for name in LABELS
         if any(name in h.told for h in found.values())
-    )
+    ]
     headings = ("", "", *(TITLES.get(name, name) for name in found))
     sentences = "; ".join(f"{TITLES.get(name, name)}: {h.sentence}" for name, h in found.items())
     note = (
@@ -60,7 +60,7 @@ def handling_table(result: Identification, units: ShownUnits = SI) -> Table | No
         "turns, large steering angles and 3 % of steering scale change in r/δ."
     )
     speed = next(iter(found.values())).speed
-    return Table(f"Handling at {speed:.2f} m/s", headings, rows, note, 2)
+    return table_of(f"Handling at {speed:.2f} m/s", headings, rows, note, 2)
 
 
 def _told(result: Identification) -> dict[str, Handling]:
@@ -113,27 +113,21 @@ def handling_document(result: Identification, verify_runs: Sequence[Recording] =
     quantities: {<name>: {value, bound, interval [low, high] or null, unit}}.
     """
     return {
-        "models": {name: _document(h) for name, h in result.handling.items()},
+        "models": {
+            name: {
+                "speed_m_s": h.speed,
+                "tied": h.tied,
+                "identified": h.identified,
+                "sentence": h.sentence,
+                "quantities": {
+                    n: {"value": q.value, "bound": q.bound, "interval": q.interval_90, "unit": q.unit}
+                    for n, q in h.quantities.items()
+                },
+            }
+            for name, h in result.handling.items()
+        },
         "notes": [note.text for note in handling_notes(result, verify_runs)],
     }
-
-
-def _document(found: Handling) -> dict[str, Any]:
-    quantities = {
-        n: {"value": q.value, "bound": q.bound, "interval": _interval(q), "unit": q.unit}
-        for n, q in found.quantities.items()
-    }
-    return {
-        "speed_m_s": found.speed,
-        "tied": found.tied,
-        "identified": found.identified,
-        "sentence": found.sentence,
-        "quantities": quantities,
-    }
-
-
-def _interval(q: Quantity) -> list[float] | None:
-    return None if q.low is None or q.high is None else [q.low, q.high]
 
 
 # Sentences of the report on a result.
@@ -151,7 +145,9 @@ def filters_remark(result: Identification) -> str | None:
         return None
     with_filters, without = models[name].fit, models[name].variants[IGNORED]
     costs = f"J_ave {without.average:.1f} without them, {with_filters.average:.1f} with them"
-    changes = _changes(with_filters, without)
+    delays = with_filters.structure.delays
+    free = [e for e in with_filters.estimates if e.free and e.value and e.name not in delays]
+    changes = {e.name: 100 * (without[e.name].value / e.value - 1) for e in free}
     if max(map(abs, changes.values()), default=0.0) < SMALL_CHANGE:
         return (
             f"A {name} fit that ignores the sensors' low-pass filters has the same cost ({costs}): the delay "
@@ -168,12 +164,6 @@ def filters_remark(result: Identification) -> str | None:
         f"≤ {J_GOOD:g}) but is wrong: the delay{_delays(with_filters, without)} and the inertia absorb the "
         f"filters' lag, which changes {_moved(changes)}."
     )
-
-
-def _changes(fit: FitResult, other: FitResult) -> dict[str, float]:
-    """Change [%] of each free parameter except the delay."""
-    free = [e for e in fit.estimates if e.free and e.value and e.name not in fit.structure.delays]
-    return {e.name: 100 * (other[e.name].value / e.value - 1) for e in free}
 
 
 def _delays(fit: FitResult, other: FitResult) -> str:
@@ -255,13 +245,11 @@ def to_do(result: Identification, provenance: Provenance) -> tuple[str, ...]:
     repeat = [f"{v.run}: {v.sentence}" for v in result.coherence if not v.keep]
     refused = [text if name in text else f"{name}: {text}" for name, text in result.refused.items()]
     runs = (*identified_runs(result), *provenance.verify_runs)
-    missing = (
-        ()
-        if provenance.verify_runs
-        else ("there is no run for verification: drive a doublet and give it with --verify",)
-    )
+    missing = "there is no run for verification: drive a doublet and give it with --verify"
     limits = [note.text for note in handling_notes(result, provenance.verify_runs)]
-    wanted = dict.fromkeys([*repeat, *refused, *limits, *grouped_warnings(runs), *missing])
+    wanted = dict.fromkeys([*repeat, *refused, *limits, *grouped_warnings(runs)])
+    if not provenance.verify_runs:
+        wanted[missing] = None
     said = " ".join(result.summary)
     return tuple(w for w in wanted if w.partition(": ")[2].removeprefix("discard: ") not in said)
 

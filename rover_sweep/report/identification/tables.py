@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 from rover_sweep.data.results import ends_words, number
 from rover_sweep.identification.acceptance import TITLES, inertia_of, judged_runs, ordered, rejection, usable
@@ -16,10 +16,9 @@ from rover_sweep.identification.verdicts import (
     J_GOOD,
     J_RMS_GUIDE,
     TIC_GUIDE,
-    ReductionStep,
 )
 from rover_sweep.identification.verify import Overlay
-from rover_sweep.report.document import Cell, Table, Tone
+from rover_sweep.report.document import Cell, Cells, Table, Tone, table_of
 from rover_sweep.report.wording import (
     FOOT,
     OUTPUT_NAMES,
@@ -42,7 +41,6 @@ INTERVALS = (
     "steering scale, lengths and speed (τ: 2.5 ms), and the stiffness that tyres lose at this amplitude. "
     "Fixed values of the vehicle file count as exact."
 )
-
 NUMBERS = (
     "The intervals allow for the vehicle file's uncertainties, a lag of the steering, the bend of the tyres, "
     "and normal differences of both axles. CIFER fit: of the responses alone, with the vehicle file as exact."
@@ -58,19 +56,19 @@ def numbers_table(result: Identification) -> Table | None:
     fitted = {e.name: e.value for e in result.models[name].fit.estimates if e.free}
     if "C" in fitted:
         fitted |= {"Cf": fitted["C"], "Cr": fitted["C"]}
-    rows = tuple(
+    rows = (
         (
             Cell(symbol(e.name), "strong"),
-            Cell(e.meaning),
+            e.meaning,
             Cell(number(e.value, 3), "strong"),
-            Cell(unit(e.unit)),
-            Cell(ends_words(e.low, e.high)),
+            unit(e.unit),
+            ends_words(e.low, e.high),
             Cell(number(fitted.get(e.name), 3), "muted"),
         )
         for e in result.numbers
     )
     headings = ("", "description", "value", "unit", "90 % interval", "CIFER fit")
-    return Table("Numbers of the rover", headings, rows, NUMBERS, 2)
+    return table_of("Numbers of the rover", headings, rows, NUMBERS, 2)
 
 
 def main_table(result: Identification) -> Table | None:
@@ -91,40 +89,36 @@ def parameter_table(result: Identification, name: str, brief: bool = False) -> T
     free = [e for e in model.fit.estimates if e.free]
     speed = Estimate("V", "m/s", model.fit.speed, False, None, None, meaning="forward speed")
     fixed = [] if brief else [speed, *(e for e in model.fit.estimates if not e.free)]
-    rows = [_free_row(e, reason) for e in free] + [_fixed_row(e) for e in fixed]
+    rows = [_free_row(e, reason) for e in free]
+    rows += [
+        tuple(
+            Cell(text, "muted")
+            for text in (symbol(e.name), e.meaning, number(e.value), unit(e.unit), "fixed", "–", "–")
+        )
+        for e in fixed
+    ]
     known = not reason and any(e.interval for e in free)
     headings = ("", "description", "value", "unit", "90 % interval" if known else "", "CR %", "I %")
     note = f"The numbers were rejected: {reason}." if reason else ""
     if known and not brief:
         note = f"{INTERVALS} {CIFER}"
     kept = 5 if known and brief else 7
-    title = f"{TITLES.get(name, name)} model"
-    return Table(title, headings[:kept], tuple(row[:kept] for row in rows), note, 2)
+    return table_of(f"{TITLES.get(name, name)} model", headings[:kept], (row[:kept] for row in rows), note, 2)
 
 
-def _free_row(e: Estimate, reason: str | None) -> tuple[Cell, ...]:
+def _free_row(e: Estimate, reason: str | None) -> Cells:
     if reason:
-        value: tuple[Cell, ...] = (Cell("not identifiable", "bad"), Cell(unit(e.unit)))
-        return (Cell(symbol(e.name)), Cell(e.meaning), *value, Cell("free"), Cell("–"), Cell("–"))
-    bound = " (at its bound)" if e.at_bound else ""
+        value = (Cell("not identifiable", "bad"), unit(e.unit), "free", "–", "–")
+        return (symbol(e.name), e.meaning, *value)
     return (
         Cell(symbol(e.name), "strong"),
-        Cell(e.meaning),
-        Cell(number(e.value) + bound, "strong"),
-        Cell(unit(e.unit)),
-        Cell(_interval(e)),
+        e.meaning,
+        Cell(number(e.value) + (" (at its bound)" if e.at_bound else ""), "strong"),
+        unit(e.unit),
+        "free" if e.interval is None else ends_words(e.interval.low, e.interval.high, 4),
         Cell(percent(e.cr_percent), _guideline_tone(e.cr_percent, CR_GUIDE)),
         Cell(percent(e.insensitivity_percent), _guideline_tone(e.insensitivity_percent, I_GUIDE)),
     )
-
-
-def _interval(e: Estimate) -> str:
-    return "free" if e.interval is None else ends_words(e.interval.low, e.interval.high, 4)
-
-
-def _fixed_row(e: Estimate) -> tuple[Cell, ...]:
-    texts = (symbol(e.name), e.meaning, number(e.value), unit(e.unit), "fixed", "–", "–")
-    return tuple(Cell(text, "muted") for text in texts)
 
 
 def _guideline_tone(value: float | None, guide: float) -> Tone:
@@ -134,42 +128,32 @@ def _guideline_tone(value: float | None, guide: float) -> Tone:
 def cost_table(result: Identification) -> Table:
     """J of each response and model, as Table 5, with the averages over the fitted and over all responses."""
     models = ordered(result)
-    rows = [
-        (Cell(_response_name(o)), *(_cost_cell(m, o) for m in models.values()))
-        for o in (*OUTPUTS, *_to_other_inputs(models))
-        if any(o in m.costs for m in models.values())
-    ]
-    fitted = [Cell(f"{m.fit.average:.1f}", _cost_tone(m.fit.average)) for m in models.values()]
-    everything = [Cell(f"{m.average_all:.1f}", _cost_tone(m.average_all)) for m in models.values()]
-    rows += [(Cell("J_ave, fitted", "strong"), *fitted), (Cell("J_ave, all responses"), *everything)]
+
+    def cost(model: ModelResult, output: str) -> Cell:
+        if output not in model.costs:
+            return Cell("n/a", "muted")
+        j = model.costs[output]
+        text = f"{j:.1f}" if output in model.fit.costs else f"({j:.1f})"
+        return Cell(text, "warn" if j > SINGLE_J else "")
+
+    def average(j: float) -> Cell:
+        return Cell(f"{j:.1f}", "good" if j <= J_GOOD else "strong" if j <= J_ACCEPTABLE else "warn")
+
+    to_other_inputs = dict.fromkeys(label for m in models.values() for label in m.costs if "/" in label)
+    rows: list[Cells] = []
+    for label in (*OUTPUTS, *to_other_inputs):
+        if any(label in m.costs for m in models.values()):
+            output, _, input = label.partition("/")
+            name = f"{OUTPUT_NAMES[output]} / {input or 'δ'}"
+            rows.append((name, *(cost(m, label) for m in models.values())))
+    rows.append((Cell("J_ave, fitted", "strong"), *(average(m.fit.average) for m in models.values())))
+    rows.append(("J_ave, all responses", *(average(m.average_all) for m in models.values())))
     note = (
         "J of equation (11): ≤ 50 nearly indistinguishable from the data, ≤ 100 acceptable. "
         "In brackets: not in the fit."
     )
     headings = ("response", *(TITLES.get(n, n) for n in models))
-    return Table("Cost J of the frequency responses", headings, tuple(rows), note)
-
-
-def _to_other_inputs(models: Mapping[str, ModelResult]) -> list[str]:
-    """Labels output/input of the responses to inputs other than the steering."""
-    return list(dict.fromkeys(label for m in models.values() for label in m.costs if "/" in label))
-
-
-def _response_name(label: str) -> str:
-    output, _, input = label.partition("/")
-    return f"{OUTPUT_NAMES[output]} / {input or 'δ'}"
-
-
-def _cost_cell(model: ModelResult, output: str) -> Cell:
-    if output not in model.costs:
-        return Cell("n/a", "muted")
-    j = model.costs[output]
-    tone: Tone = "warn" if j > SINGLE_J else ""
-    return Cell(f"{j:.1f}", tone) if output in model.fit.costs else Cell(f"({j:.1f})", tone)
-
-
-def _cost_tone(average: float) -> Tone:
-    return "good" if average <= J_GOOD else "strong" if average <= J_ACCEPTABLE else "warn"
+    return table_of("Cost J of the frequency responses", headings, rows, note)
 
 
 def verification_tables(result: Identification, units: ShownUnits = SI) -> tuple[Table, ...]:
@@ -182,39 +166,33 @@ def verification_tables(result: Identification, units: ShownUnits = SI) -> tuple
 def _verification_table(models: Mapping[str, ModelResult], k: int, units: ShownUnits) -> Table:
     verdicts = {n: m.verification[k] for n, m in models.items() if k < len(m.verification)}
     first = next(iter(verdicts.values()))
-    rows: list[tuple[Cell, ...]] = [
-        (Cell("J_rms", "strong"), *(_guided(v.j_rms, J_RMS_GUIDE) for v in verdicts.values())),
-        (Cell("TIC", "strong"), *(_guided(v.tic, TIC_GUIDE) for v in verdicts.values())),
+
+    def guided(value: float, guide: float) -> Cell:
+        return Cell(number(value, 3), _guideline_tone(value, guide))
+
+    def of(words: Callable[[Overlay], str], found: list[Overlay | None]) -> list[Cell | str]:
+        return [words(o) if o else Cell("n/a", "muted") for o in found]
+
+    def j_rms(o: Overlay) -> str:
+        """Of a channel; the overlay is in the units of the paper."""
+        return number(o.j_rms * (FOOT * units.per_si if o.unit.startswith("ft") else 1.0), 3)
+
+    rows: list[Cells] = [
+        (Cell("J_rms", "strong"), *(guided(v.j_rms, J_RMS_GUIDE) for v in verdicts.values())),
+        (Cell("TIC", "strong"), *(guided(v.tic, TIC_GUIDE) for v in verdicts.values())),
     ]
     for channel in ("r", "ay", "p"):
         found = [next((o for o in v.overlays if o.channel == channel), None) for v in verdicts.values()]
         if any(found):
             shown = units.acceleration if channel == "ay" else "deg/s"
-            rows.append(
-                (Cell(f"J_rms of {SHORT_NAMES[channel]}, {shown}"), *(_channel_j(o, units) for o in found))
-            )
-            rows.append((Cell(f"TIC of {SHORT_NAMES[channel]}"), *(_channel_tic(o) for o in found)))
+            rows.append((f"J_rms of {SHORT_NAMES[channel]}, {shown}", *of(j_rms, found)))
+            rows.append((f"TIC of {SHORT_NAMES[channel]}", *of(lambda o: number(o.tic, 2), found)))
     note = (
         "Equations (15) and (16) over those of r, a_y and p that the model has; together in deg/s and "
         "ft/s², as in the paper. Guidelines: J_rms ≤ 1 to 2, TIC ≤ 0.25 to 0.35."
     )
     headings = ("", *(TITLES.get(n, n) for n in verdicts))
-    return Table(f"Verification on {first.run} at {first.speed:.2f} m/s", headings, tuple(rows), note)
-
-
-def _guided(value: float, guide: float) -> Cell:
-    return Cell(number(value, 3), _guideline_tone(value, guide))
-
-
-def _channel_j(overlay: Overlay | None, units: ShownUnits) -> Cell:
-    """J_rms of a channel; the overlay is in the units of the paper."""
-    if overlay is None:
-        return Cell("n/a", "muted")
-    return Cell(number(overlay.j_rms * (FOOT * units.per_si if overlay.unit.startswith("ft") else 1.0), 3))
-
-
-def _channel_tic(overlay: Overlay | None) -> Cell:
-    return Cell(number(overlay.tic, 2)) if overlay else Cell("n/a", "muted")
+    return table_of(f"Verification on {first.run} at {first.speed:.2f} m/s", headings, rows, note)
 
 
 def inertia_table(result: Identification, provenance: Provenance) -> Table | None:
@@ -225,41 +203,34 @@ def inertia_table(result: Identification, provenance: Provenance) -> Table | Non
     if value is None or not found:
         return None
     sd = f"± {number(stated.sd, 2)}" if stated and stated.sd is not None else "no uncertainty stated"
-    rows: list[tuple[Cell, ...]] = [(Cell("vehicle file"), Cell(number(value)), Cell(sd), Cell("–"))]
+    rows: list[Cells] = [("vehicle file", number(value), sd, "–")]
     for name, e in found.items():
         bound = f"± {number(e.value * (e.cr_percent or 0) / 100, 2)}"
         difference = Cell(change(100 * (e.value / value - 1)), "strong")
-        title = Cell(f"{TITLES.get(name, name)} model")
-        rows.append((title, Cell(number(e.value)), Cell(bound), difference))
+        rows.append((f"{TITLES.get(name, name)} model", number(e.value), bound, difference))
     note = (
         "±: standard deviation (vehicle file), Cramer-Rao bound (models). In the paper the models are within "
         "25 % (bicycle) and 12 % (roll-yaw) of the swing test."
     )
-    return Table("Yaw inertia I_zz, kg m²", ("", "I_zz", "±", "difference %"), tuple(rows), note)
+    return table_of("Yaw inertia I_zz, kg m²", ("", "I_zz", "±", "difference %"), rows, note)
 
 
-def filters_table(result: Identification) -> Table | None:
-    """Every model fitted without the sensors' low-pass filters, for comparison; None without filters."""
-    rows: list[tuple[Cell, ...]] = []
+def filters_table(result: Identification) -> Table:
+    """Every model fitted without the sensors' low-pass filters, for comparison."""
+    rows: list[Cells] = []
     for name, model in usable(result).items():
         if other := model.variants.get(IGNORED):
-            rows += _side_by_side(TITLES.get(name, name), model.fit, other)
-    if not rows:
-        return None
+            title = Cell(TITLES.get(name, name), "strong")
+            for k, e in enumerate(e for e in model.fit.estimates if e.free):
+                moved = 100 * (other[e.name].value / e.value - 1) if e.value else None
+                tone: Tone = "warn" if moved is not None and abs(moved) > 10 else ""
+                label = f"{symbol(e.name)}, {unit(e.unit)}"
+                values = number(e.value), number(other[e.name].value), Cell(change(moved), tone)
+                rows.append(("" if k else title, label, *values))
+            averages = Cell(f"{model.fit.average:.1f}", "strong"), Cell(f"{other.average:.1f}", "strong")
+            rows.append(("", Cell("J_ave", "strong"), *averages, ""))
     headings = ("model", "", "with the filters", "ignored", "change %")
-    return Table("If the sensors' filters are ignored", headings, tuple(rows), "", 2)
-
-
-def _side_by_side(title: str, fit: FitResult, other: FitResult) -> list[tuple[Cell, ...]]:
-    rows: list[tuple[Cell, ...]] = []
-    for e in (e for e in fit.estimates if e.free):
-        moved = 100 * (other[e.name].value / e.value - 1) if e.value else None
-        tone: Tone = "warn" if moved is not None and abs(moved) > 10 else ""
-        label = f"{symbol(e.name)}, {unit(e.unit)}"
-        cells = Cell(number(e.value)), Cell(number(other[e.name].value)), Cell(change(moved), tone)
-        rows.append((Cell("" if rows else title, "strong"), Cell(label), *cells))
-    averages = Cell(f"{fit.average:.1f}", "strong"), Cell(f"{other.average:.1f}", "strong"), Cell("")
-    return [*rows, (Cell(""), Cell("J_ave", "strong"), *averages)]
+    return table_of("If the sensors' filters are ignored", headings, rows, "", 2)
 
 
 def variants_table(result: Identification, name: str) -> Table | None:
@@ -269,67 +240,51 @@ def variants_table(result: Identification, name: str) -> Table | None:
     fits = {"the fit": model.fit, **others}
     if len(fits) < 2 or rejection(result, name):
         return None
-    names = list(dict.fromkeys(e.name for f in fits.values() for e in f.estimates if e.free))
-    units = {e.name: e.unit for f in fits.values() for e in f.estimates}
-    rows = [(Cell(f"{symbol(n)}, {unit(units[n])}"), *(_value(f, n) for f in fits.values())) for n in names]
+    every = {(e.name, e.unit): None for f in fits.values() for e in f.estimates if e.free}
+
+    def value(fit: FitResult, name: str) -> Cell:
+        found = next((e for e in fit.estimates if e.name == name), None)
+        return Cell(number(found.value if found else None), "" if found and found.free else "muted")
+
+    def cost(fit: FitResult, output: str) -> Cell | str:
+        return f"{fit.costs[output]:.1f}" if output in fit.costs else Cell("–", "muted")
+
+    rows: list[Cells] = [(f"{symbol(n)}, {unit(u)}", *(value(f, n) for f in fits.values())) for n, u in every]
     outputs = [o for o in OUTPUTS if any(o in f.costs for f in fits.values())]
-    rows += [(Cell(f"J of {SHORT_NAMES[o]}"), *(_j(f, o) for f in fits.values())) for o in outputs]
+    rows += [(f"J of {SHORT_NAMES[o]}", *(cost(f, o) for f in fits.values())) for o in outputs]
     rows.append((Cell("J_ave", "strong"), *(Cell(f"{f.average:.1f}", "strong") for f in fits.values())))
-    return Table(f"Other fits of the {name} model", ("", *fits), tuple(rows))
+    return table_of(f"Other fits of the {name} model", ("", *fits), rows)
 
 
-def _j(fit: FitResult, output: str) -> Cell:
-    return Cell(f"{fit.costs[output]:.1f}") if output in fit.costs else Cell("–", "muted")
-
-
-def _value(fit: FitResult, name: str) -> Cell:
-    found = next((e for e in fit.estimates if e.name == name), None)
-    if found is None:
-        return Cell("–", "muted")
-    return Cell(number(found.value), "" if found.free else "muted")
-
-
-def reduction_table(model: ModelResult) -> Table | None:
-    """The steps of the model structure reduction, None without any."""
-    if not model.reduction:
-        return None
-    rows = tuple(
-        (
-            Cell(symbol(s.parameter)),
-            Cell(s.reason),
-            Cell(_outcome(s, model)),
-            Cell(f"{s.before:.2f}"),
-            Cell(f"{s.after:.2f}"),
-        )
-        for s in model.reduction
-    )
+def reduction_table(model: ModelResult) -> Table:
+    """The steps of the model structure reduction."""
+    rows = []
+    for s in model.reduction:
+        if not s.dropped:
+            outcome = "kept: unstable without it" if s.unstable else "kept"
+        elif model.fit.structure.name == "lumped":
+            outcome = "dropped"
+        else:
+            outcome = f"fixed at {number(s.value)}, fitted {number(s.found)}"
+        rows.append((symbol(s.parameter), s.reason, outcome, f"{s.before:.2f}", f"{s.after:.2f}"))
     headings = ("parameter", "reason to test", "", "J_ave before", "J_ave without")
     note = (
         "A parameter is dropped, or fixed at the vehicle file's value, if J_ave hardly rises without it "
         "(5 % and 1)."
     )
-    return Table("Model structure reduction", headings, rows, note, 3)
-
-
-def _outcome(step: ReductionStep, model: ModelResult) -> str:
-    if not step.dropped:
-        return "kept: unstable without it" if step.unstable else "kept"
-    if model.fit.structure.name == "lumped":
-        return "dropped"
-    return f"fixed at {number(step.value)}, fitted {number(step.found)}"
+    return table_of("Model structure reduction", headings, rows, note, 3)
 
 
 def poles_table(model: ModelResult) -> Table:
     """Poles [rad/s] with natural frequency and damping ratio; one row per complex pair."""
     poles = sorted(model.fit.structure.poles(model.fit.speed), key=lambda s: (abs(s), s.imag))
-    rows = tuple(_pole(complex(s)) for s in poles if s.imag >= 0)
-    return Table(f"Poles at {model.fit.speed:.2f} m/s", ("pole, rad/s", "frequency, rad/s", "damping"), rows)
-
-
-def _pole(s: complex) -> tuple[Cell, ...]:
-    text = number(s.real, 3) + (f" ± {number(s.imag, 3)} j" if s.imag else "")
-    damping = number(-s.real / abs(s), 2) if s.imag else "–"
-    return Cell(text, "warn" if s.real > 0 else ""), Cell(number(abs(s), 3)), Cell(damping)
+    rows = []
+    for s in (complex(s) for s in poles if s.imag >= 0):
+        text = number(s.real, 3) + (f" ± {number(s.imag, 3)} j" if s.imag else "")
+        damping = number(-s.real / abs(s), 2) if s.imag else "–"
+        rows.append((Cell(text, "warn" if s.real > 0 else ""), number(abs(s), 3), damping))
+    headings = ("pole, rad/s", "frequency, rad/s", "damping")
+    return table_of(f"Poles at {model.fit.speed:.2f} m/s", headings, rows)
 
 
 def amplitude_table(result: Identification) -> Table | None:
@@ -337,12 +292,12 @@ def amplitude_table(result: Identification) -> Table | None:
     if not result.by_amplitude:
         return None
     names = list(result.by_amplitude[0].stiffness)
-    rows = tuple(
+    rows = (
         (
-            Cell(one.run),
-            Cell(number(one.speed, 3)),
-            Cell(f"{number(one.amplitude, 3)} {unit(one.unit)}"),
-            *(Cell(number(one.stiffness[name], 3)) for name in names),
+            one.run,
+            number(one.speed, 3),
+            f"{number(one.amplitude, 3)} {unit(one.unit)}",
+            *(number(one.stiffness[name], 3) for name in names),
         )
         for one in result.by_amplitude
     )
@@ -351,27 +306,25 @@ def amplitude_table(result: Identification) -> Table | None:
         "Each run alone, the other parameters as fitted to all runs. Tyres bend: the larger the slip angle, "
         "the smaller the stiffness."
     )
-    return Table("Cornering stiffness at each amplitude", headings, rows, note, 1)
+    return table_of("Cornering stiffness at each amplitude", headings, rows, note)
 
 
 def coherence_table(result: Identification) -> Table:
     """Speed, amplitude, usable bands and verdict of each run."""
     outputs = [o for o in OUTPUTS if any(o == c.output for v in result.coherence for c in v.outputs)]
     speeds = {v.run: run.mean_speed for run, v in judged_runs(result) if v and "speed" in run}
-    rows = []
+    rows: list[Cells] = []
     for verdict in result.coherence:
         found = {c.output: c for c in verdict.outputs}
-        bands = [Cell(band(found[o].band) if o in found else "n/a") for o in outputs]
+        bands = (band(found[o].band) if o in found else "n/a" for o in outputs)
         keep = Cell("keep", "good") if verdict.keep else Cell("repeat", "warn")
         amplitude = f"{number(verdict.amplitude, 3)} {verdict.amplitude_unit}"
-        speed = number(speeds.get(verdict.run), 3)
-        rows.append((Cell(verdict.run), keep, Cell(speed), Cell(amplitude), *bands))
-    headings = ("run", "verdict", "m/s", "amplitude", *(f"{SHORT_NAMES[o]}" for o in outputs))
+        rows.append((verdict.run, keep, number(speeds.get(verdict.run), 3), amplitude, *bands))
+    headings = ("run", "verdict", "m/s", "amplitude", *(SHORT_NAMES[o] for o in outputs))
     without = ", ".join(n for n in result.settings.condition_on if any(n in g.others for g in result.groups))
     kind = (
         f"partial coherence with the steering ({without} removed)"
         if without
         else "coherence with the steering"
     )
-    note = f"Bands in rad/s in which the {kind} is at least 0.6."
-    return Table("Runs", headings, tuple(rows), note, 2)
+    return table_of("Runs", headings, rows, f"Bands in rad/s in which the {kind} is at least 0.6.", 2)

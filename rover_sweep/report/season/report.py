@@ -11,90 +11,69 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from rover_sweep.data.results import number
+from rover_sweep.data.results import ends_words, number
 from rover_sweep.errors import missing_extra
 from rover_sweep.files.replaced import write_file
 from rover_sweep.report.charts.chart import ChartPlan
 from rover_sweep.report.charts.response_charts import season_chart
-from rover_sweep.report.document import Badge, Cell, Document, Figures, Section, Sentence, Table, items, some
+from rover_sweep.report.document import (
+    Badge,
+    Cell,
+    Document,
+    Figures,
+    Part,
+    Section,
+    Sentence,
+    Table,
+    items,
+    some,
+    table_of,
+)
 from rover_sweep.report.in_html import in_html
 from rover_sweep.report.wording import count, sentence, strict_json, symbol, unit, versions, versions_words
-from rover_sweep.season.season_result import Drift, MeasuredLog, ParameterChange, Season, VehicleSeason
+from rover_sweep.season.season_result import Drift, MeasuredLog, Season, VehicleSeason
 
 # A season as tables of columns for other programs: CSV, and Parquet with pyarrow.
 
 
 Columns = Mapping[str, Sequence[Any]]
+DRIFT = (
+    "vehicle kind quantity unit day earliest latest before after low high relative ratio matters cause "
+    "sentence"
+)
+LOG = "day day_from board system firmware sha256"
 
 
 def season_columns(season: Season, logs: Sequence[MeasuredLog]) -> dict[str, Columns]:
     """{table: {column: values}} of quantities, drifts, parameters and logs; None where there is no value."""
     values = [
-        (v.name, d.day, q.name, q.unit, d.value, d.low, d.high, d.fitted) for v, q, d in _values(season)
-    ]
-    drifts = [
-        (
-            d.vehicle,
-            d.kind,
-            d.quantity,
-            d.unit,
-            d.day,
-            d.earliest,
-            d.latest,
-            d.before,
-            d.after,
-            d.low,
-            d.high,
-            d.relative,
-            d.ratio,
-            d.matters,
-            d.cause,
-            d.sentence,
-        )
+        {"vehicle": v.name, "day": d.day, "quantity": q.name, "unit": q.unit}
+        | {name: getattr(d, name) for name in ("value", "low", "high", "fitted")}
         for v in season.vehicles
-        for d in v.drifts
+        for q in v.quantities
+        for d in q.days
     ]
+    drifts = [{name: getattr(d, name) for name in DRIFT.split()} for v in season.vehicles for d in v.drifts]
     changed = [
-        (v.name, p.name, p.day_before, p.day_after, p.before, p.after)
+        {"vehicle": v.name, "parameter": p.name}
+        | {name: getattr(p, name) for name in ("day_before", "day_after", "before", "after")}
         for v in season.vehicles
         for p in v.parameters
     ]
     vehicle_of = {s: v.name for v in season.vehicles for day in v.logs.values() for s in day}
     each = [
-        (
-            log.source,
-            vehicle_of.get(log.source, ""),
-            log.day,
-            log.day_from,
-            log.board,
-            log.system,
-            log.firmware,
-            log.sha256,
-            log.fit.variance if log.fit else None,
-            log.refused,
-        )
+        {"log": log.source, "vehicle": vehicle_of.get(log.source, "")}
+        | {name: getattr(log, name) for name in LOG.split()}
+        | {"residual_over_noise": log.fit.variance if log.fit else None, "refused": log.refused}
         for log in sorted(logs, key=lambda log: log.source)
     ]
-    return {
-        "quantities": _table("vehicle day quantity unit value low high fitted", values),
-        "drifts": _table(
-            "vehicle kind quantity unit day earliest latest before after low high relative ratio matters "
-            "cause sentence",
-            drifts,
-        ),
-        "parameters": _table("vehicle parameter day_before day_after before after", changed),
-        "logs": _table(
-            "log vehicle day day_from board system firmware sha256 residual_over_noise refused", each
-        ),
+    tables = {
+        "quantities": ("vehicle day quantity unit value low high fitted", values),
+        "drifts": (DRIFT, drifts),
+        "parameters": ("vehicle parameter day_before day_after before after", changed),
+        "logs": (f"log vehicle {LOG} residual_over_noise refused", each),
     }
-
-
-def _values(season: Season) -> Any:
-    return ((v, q, d) for v in season.vehicles for q in v.quantities for d in q.days)
-
-
-def _table(names: str, rows: Sequence[Sequence[Any]]) -> Columns:
-    return {name: [row[k] for row in rows] for k, name in enumerate(names.split())}
+    return {t: {n: [row[n] for row in rows] for n in names.split()} for t, (names, rows) in tables.items()}
 
 
 def as_csv(columns: Columns) -> str:
@@ -146,67 +125,41 @@ INTERVAL = (
 
 def drift_table(drifts: Sequence[Drift], heading: str) -> Table:
     """Vehicle, quantity, kind, day, values and interval of each drift."""
-    rows = tuple(
-        (
-            Cell(d.vehicle),
-            Cell(d.quantity if d.kind in ("board", "parameter") else symbol(d.quantity), "strong"),
-            Cell(KINDS[d.kind]),
-            Cell(_day(d)),
-            Cell(d.cause or "–"),
-            Cell(number(d.before, 3)),
-            Cell(number(d.after, 3), "strong"),
-            Cell(_interval(d)),
-            Cell(unit(d.unit)),
+    rows = []
+    for d in drifts:
+        change = "–"
+        if d.low is not None and d.high is not None:
+            change = f"{d.low:+.3g} to {d.high:+.3g}"
+            if d.relative:
+                change = f"{100 * (d.low - 1):+.0f} to {100 * (d.high - 1):+.0f} %"
+        rows.append(
+            (
+                d.vehicle,
+                Cell(d.quantity if d.kind in ("board", "parameter") else symbol(d.quantity), "strong"),
+                KINDS[d.kind],
+                d.day if d.earliest == d.latest else f"{d.day} ({d.earliest} to {d.latest})",
+                d.cause or "–",
+                number(d.before, 3),
+                Cell(number(d.after, 3), "strong"),
+                change,
+                unit(d.unit),
+            )
         )
-        for d in drifts
-    )
     headings = ("vehicle", "quantity", "", "day", "cause", "before", "after", "change (90 %)", "unit")
-    return Table(heading, headings, rows, INTERVAL, 5)
-
-
-def _day(d: Drift) -> str:
-    return d.day if d.earliest == d.latest else f"{d.day} ({d.earliest} to {d.latest})"
-
-
-def _interval(d: Drift) -> str:
-    if d.low is None or d.high is None:
-        return "–"
-    if d.relative:
-        return f"{100 * (d.low - 1):+.0f} to {100 * (d.high - 1):+.0f} %"
-    return f"{d.low:+.3g} to {d.high:+.3g}"
-
-
-def refused_table(season: Season) -> Table:
-    """Every log without a fit, with its sentence."""
-    rows = tuple((Cell(source), Cell(why)) for source, why in season.refused)
-    return Table("Logs that could not be used", ("log", "why"), rows, text_columns=2)
-
-
-def parameter_change_table(changes: Sequence[ParameterChange]) -> Table:
-    """Parameters of the firmware that changed, by day."""
-    rows = tuple(
-        (
-            Cell(c.name, "strong"),
-            Cell(f"{c.day_before} to {c.day_after}"),
-            Cell(f"{c.before:g}"),
-            Cell(f"{c.after:g}"),
-        )
-        for c in changes
-    )
-    return Table("Parameters that changed", ("parameter", "between", "before", "after"), rows, text_columns=2)
+    return table_of(heading, headings, rows, INTERVAL, 5)
 
 
 def season_value_table(vehicle: VehicleSeason) -> Table:
     """First and last value of each quantity, with its scatter from day to day."""
-    rows = tuple(
+    rows = (
         (
-            Cell(q.meaning),
+            q.meaning,
             Cell(symbol(q.name), "strong"),
-            Cell(number(q.days[0].value, 3)),
-            Cell(number(q.days[-1].value, 3)),
-            Cell(f"{number(q.days[-1].low, 3)} to {number(q.days[-1].high, 3)}"),
-            Cell(number(q.scatter, 2)),
-            Cell(unit(q.unit)),
+            number(q.days[0].value, 3),
+            number(q.days[-1].value, 3),
+            ends_words(q.days[-1].low, q.days[-1].high),
+            number(q.scatter, 2),
+            unit(q.unit),
         )
         for q in vehicle.quantities
         if q.days
@@ -216,20 +169,7 @@ def season_value_table(vehicle: VehicleSeason) -> Table:
         "Intervals are of differences between days. scatter: standard deviation from day to day that no "
         "interval of a single day explains."
     )
-    return Table("Values", headings, rows, note, 2)
-
-
-def diagnosis_table(sentences: Mapping[str, str]) -> Table:
-    """The sentence of each day's diagnosis."""
-    rows = tuple((Cell(day), Cell(text)) for day, text in sentences.items())
-    note = "The reports are in diagnoses/, by vehicle and day."
-    return Table("Diagnosis of each day", ("day", "left out by the model"), rows, note, 2)
-
-
-def day_table(vehicle: VehicleSeason) -> Table:
-    """The logs of each day."""
-    rows = tuple((Cell(day), Cell(", ".join(sources))) for day, sources in vehicle.logs.items())
-    return Table("Days", ("day", "logs"), rows, text_columns=2)
+    return table_of("Values", headings, rows, note, 2)
 
 
 # A season, and one vehicle of it, as documents.
@@ -251,7 +191,25 @@ def season_report(season: Season) -> Document:
     follow = [d for d in drifts if d.matters and d.cause]
     minor = [d for d in drifts if not d.counts and not d.cause]
     refused = (f"not used: {source}: {why}" for source, why in season.refused)
-    small = "Within normal tolerance, or on one day only"
+    small, unused = "Within normal tolerance, or on one day only", "Logs that could not be used"
+    names = page_names(season)
+    vehicles = (
+        (
+            Cell(v.name, link=f"vehicles/{names[v.name]}.html"),
+            ", ".join(d.quantity for d in v.drifts if d.counts) or "–",
+            str(len(v.logs)),
+            str(sum(map(len, v.logs.values()))),
+        )
+        for v in season.vehicles
+    )
+    fleet = table_of("Vehicles", ("vehicle", "changed", "days", "logs"), vehicles, text_columns=2)
+    sections = (
+        ("Vehicles", fleet, "vehicles"),
+        ("What changed", drift_table(season.drifts, "What changed"), "drifts"),
+        ("What changed with them", drift_table(follow, "At the same time"), "with"),
+        (small, drift_table(minor, small), "minor"),
+        (unused, table_of(unused, ("log", "why"), season.refused, text_columns=2), "refused"),
+    )
     return Document(
         "Season of the fleet",
         f"rover-sweep {versions()['rover_sweep']}",
@@ -260,15 +218,7 @@ def season_report(season: Season) -> Document:
             *items([sentence(d.sentence) for d in drifts if d.counts or d in follow]),
             *(Sentence(words, "warn", level="terminal") for words in refused),
         ),
-        (
-            Section("Vehicles", some(_vehicle_table(season)), "vehicles", level="page"),
-            Section("What changed", some(drift_table(season.drifts, "What changed")), "drifts", level="page"),
-            Section(
-                "What changed with them", some(drift_table(follow, "At the same time")), "with", level="page"
-            ),
-            Section(small, some(drift_table(minor, small)), "minor", level="page"),
-            Section("Logs that could not be used", some(refused_table(season)), "refused", level="page"),
-        ),
+        tuple(Section(heading, some(table), place, level="page") for heading, table, place in sections),
         foot=(Sentence(versions_words(versions()), "muted"),),
     )
 
@@ -282,20 +232,36 @@ def vehicle_report(vehicle: VehicleSeason, diagnoses: Mapping[str, str]) -> Docu
     draw = partial(season_chart, vehicle.quantities, vehicle.drifts)
     courses = Figures((ChartPlan("courses", CAPTION, draw),) if vehicle.quantities else ())
     remarks = (Sentence(text) for text in (*boards, *map(sentence, vehicle.remarks)))
+    parameters = table_of(
+        "Parameters that changed",
+        ("parameter", "between", "before", "after"),
+        (
+            (Cell(c.name, "strong"), f"{c.day_before} to {c.day_after}", f"{c.before:g}", f"{c.after:g}")
+            for c in vehicle.parameters
+        ),
+        text_columns=2,
+    )
+    diagnosed = table_of(
+        "Diagnosis of each day",
+        ("day", "left out by the model"),
+        diagnoses.items(),
+        "The reports are in diagnoses/, by vehicle and day.",
+        2,
+    )
+    logs = ((day, ", ".join(sources)) for day, sources in vehicle.logs.items())
+    sections: tuple[tuple[str, tuple[Part, ...], str], ...] = (
+        ("What changed", some(drift_table(vehicle.drifts, "What changed")), "drifts"),
+        ("Day by day", some(courses), "courses"),
+        ("Values", some(season_value_table(vehicle)), "values"),
+        ("Parameters that changed", some(parameters), "parameters"),
+        ("Diagnosis of each day", some(diagnosed), "diagnoses"),
+        ("Days and logs", (*remarks, table_of("Days", ("day", "logs"), logs, text_columns=2)), "days"),
+    )
     return Document(
         vehicle.name,
         f"rover-sweep {versions()['rover_sweep']}",
         (_verdict(words, bool(found)), *items([sentence(d.sentence) for d in found])),
-        (
-            Section("What changed", some(drift_table(vehicle.drifts, "What changed")), "drifts"),
-            Section("Day by day", some(courses), "courses"),
-            Section("Values", some(season_value_table(vehicle)), "values"),
-            Section(
-                "Parameters that changed", some(parameter_change_table(vehicle.parameters)), "parameters"
-            ),
-            Section("Diagnosis of each day", some(diagnosis_table(diagnoses)), "diagnoses"),
-            Section("Days and logs", (*remarks, day_table(vehicle)), "days"),
-        ),
+        tuple(Section(*section) for section in sections),
         (("../season.html", "Fleet"),),
         (Sentence(versions_words(versions()), "muted"),),
     )
@@ -304,20 +270,6 @@ def vehicle_report(vehicle: VehicleSeason, diagnoses: Mapping[str, str]) -> Docu
 def _verdict(words: str, changed: bool) -> Sentence:
     badge = Badge("changed", "warn") if changed else Badge("unchanged", "good")
     return Sentence(sentence(words), "strong", badge=badge)
-
-
-def _vehicle_table(season: Season) -> Table:
-    names = page_names(season)
-    rows = tuple(
-        (
-            Cell(v.name, link=f"vehicles/{names[v.name]}.html"),
-            Cell(", ".join(d.quantity for d in v.drifts if d.counts) or "–"),
-            Cell(str(len(v.logs))),
-            Cell(str(sum(map(len, v.logs.values())))),
-        )
-        for v in season.vehicles
-    )
-    return Table("Vehicles", ("vehicle", "changed", "days", "logs"), rows, text_columns=2)
 
 
 # The folder of a season.

@@ -7,10 +7,10 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 
-from rover_sweep.data.results import Quantity, ends_words, number
+from rover_sweep.data.results import ends_words, number
 from rover_sweep.gains.proposal import SteeringLimits
 from rover_sweep.gains.speed_proposal import AssessedSpeed, SpeedProposal
-from rover_sweep.identification.identify_speed import SHARE, Coasting, SpeedResult, speed_parameters
+from rover_sweep.identification.identify_speed import SHARE, SpeedResult, speed_parameters
 from rover_sweep.report.charts.chart import ChartPlan
 from rover_sweep.report.charts.response_charts import (
     speed_step_chart,
@@ -20,6 +20,7 @@ from rover_sweep.report.charts.response_charts import (
 from rover_sweep.report.document import (
     Badge,
     Cell,
+    Cells,
     Document,
     Figures,
     Section,
@@ -28,6 +29,7 @@ from rover_sweep.report.document import (
     Tone,
     items,
     some,
+    table_of,
 )
 from rover_sweep.report.wording import count, sentence, unit, versions, versions_words
 
@@ -39,7 +41,7 @@ _KEPT = ("CRUISE_", "ATC_SPEED_", "ATC_ACCEL", "ATC_DECEL", "ATC_BRAKE", "MOT_",
 
 def speed_document(result: SpeedResult) -> dict[str, Any]:
     """The result; keys include units. "law" is null without one; throttles are shares of full throttle."""
-    fit, found, first = result.fit, result.coherence, result.runs[0]
+    fit, found, first, coasting = result.fit, result.coherence, result.runs[0], result.coasting
     law = None
     if fit is not None:
         m = fit.model
@@ -60,31 +62,25 @@ def speed_document(result: SpeedResult) -> dict[str, Any]:
         "fit": fit.fit if fit else None,
         "residual_m_s": fit.residual if fit else None,
         "band_rad_s": list(found.band) if found and found.band else None,
-        "coherence": (
-            {
-                "w_rad_s": found.w.tolist(),
-                "coherence": found.coherence.tolist(),
-                "gain_m_s": found.gain.tolist(),
-            }
-            | {"phase_rad": found.phase.tolist()}
-            if found
-            else None
-        ),
-        "coasting": _coasting(result.coasting),
+        "coherence": {
+            "w_rad_s": found.w.tolist(),
+            "coherence": found.coherence.tolist(),
+            "gain_m_s": found.gain.tolist(),
+            "phase_rad": found.phase.tolist(),
+        }
+        if found
+        else None,
+        "coasting": {
+            "speed_m_s": coasting.speed,
+            "deceleration_m_s2": coasting.deceleration,
+            "interval_m_s2": list(coasting.interval),
+            "seconds": coasting.seconds,
+            "dead_zone": coasting.dead_zone,
+            "dead_zone_interval": list(coasting.dead_zone_interval) if coasting.dead_zone_interval else None,
+        }
+        if coasting
+        else None,
         "parameters": {n: v for n, v in sorted(first.parameters.items()) if n.startswith(_KEPT)},
-    }
-
-
-def _coasting(found: Coasting | None) -> dict[str, Any] | None:
-    if found is None:
-        return None
-    return {
-        "speed_m_s": found.speed,
-        "deceleration_m_s2": found.deceleration,
-        "interval_m_s2": list(found.interval),
-        "seconds": found.seconds,
-        "dead_zone": found.dead_zone,
-        "dead_zone_interval": list(found.dead_zone_interval) if found.dead_zone_interval else None,
     }
 
 
@@ -108,21 +104,18 @@ def speed_parameter_table(result: SpeedResult) -> Table | None:
     if result.fit is None:
         return None
     found = speed_parameters(result)
-    rows = tuple(_parameter(p) for p in found)
+    rows = []
+    for p in found:
+        scale, shown = (100.0, "% throttle") if p.unit == SHARE else (1.0, unit(p.unit))
+        scale, shown = (1000.0, "ms") if p.name == "delay" else (scale, shown)
+        low, high = (None if end is None else scale * end for end in (p.low, p.high))
+        value = Cell(number(scale * p.value, 3), "strong")
+        name = "coasting" if p.name == "coasting_drag" else p.name.replace("_", " ")  # short, for a phone
+        rows.append((Cell(name, "strong"), f"{p.meaning}, {shown}", value, ends_words(low, high)))
     note = "" if "dead_zone" in found else FREEWHEELS if result.coasting is not None else NOT_COASTED
     share = f"The law explains {number(100 * result.fit.fit, 3)} % of the speed's variation."
     headings = ("", "meaning, unit", "value", "90 %")
-    return Table("Response of the speed to the throttle", headings, rows, f"{share} {note}".strip(), 2)
-
-
-def _parameter(p: Quantity) -> tuple[Cell, ...]:
-    scale, shown = {SHARE: (100.0, "% throttle"), "s": (1.0, "s")}.get(p.unit, (1.0, unit(p.unit)))
-    scale, shown = (1000.0, "ms") if p.name == "delay" else (scale, shown)
-    low, high = (None if end is None else scale * end for end in (p.low, p.high))
-    value = Cell(number(scale * p.value, 3), "strong")
-    words = Cell(f"{p.meaning}, {shown}")
-    name = "coasting" if p.name == "coasting_drag" else p.name.replace("_", " ")  # short, for a phone
-    return Cell(name, "strong"), words, value, Cell(ends_words(low, high))
+    return table_of("Response of the speed to the throttle", headings, rows, f"{share} {note}".strip(), 2)
 
 
 def speed_gains_table(
@@ -137,10 +130,10 @@ def speed_gains_table(
         for name, value in proposal.now.settings.parameters.items()
     ]
     if proposal.throttle_min is not None:
-        rows.append(_setting("MOT_THR_MIN", "%", 100 * proposal.loop.least, proposal.throttle_min, False))
+        rows.append(_setting("MOT_THR_MIN", "%", 100 * proposal.loop.least, proposal.throttle_min))
     if limits is not None:
         rows += [
-            _setting(name, shown, current.get(name), value, False)
+            _setting(name, shown, current.get(name), value)
             for name, shown, value in (
                 ("ATC_STR_RAT_MAX", "deg/s", limits.rate_max),
                 ("ATC_TURN_MAX_G", "g", limits.turn_g),
@@ -154,13 +147,13 @@ def speed_gains_table(
     )
     if limits is not None and limits.lowers:
         note += " It is below the current value only because more was not tested: keep the current one."
-    return Table("Settings", ("parameter", "unit", "now", "proposed"), tuple(rows), note, 2)
+    return table_of("Settings", ("parameter", "unit", "now", "proposed"), rows, note, 2)
 
 
-def _setting(name: str, shown: str, now: float | None, new: float, assumed: bool) -> tuple[Cell, ...]:
+def _setting(name: str, shown: str, now: float | None, new: float, assumed: bool = False) -> Cells:
     was = f"{now:.4g}{' (default)' if assumed else ''}" if now is not None else "–"
     same = now is not None and f"{now:.4g}" == f"{new:.4g}"
-    return Cell(name, "strong"), Cell(shown), Cell(was), Cell(f"{new:.4g}", "" if same else "strong")
+    return Cell(name, "strong"), shown, was, Cell(f"{new:.4g}", "" if same else "strong")
 
 
 def speed_margin_table(proposal: SpeedProposal) -> Table | None:
@@ -170,14 +163,14 @@ def speed_margin_table(proposal: SpeedProposal) -> Table | None:
     if not columns or proposal.now is None:
         return None
     labels = list(next(iter(columns.values())))
-    rows = tuple((Cell(label), *(Cell(column[label]) for column in columns.values())) for label in labels)
+    rows = ((label, *(column[label] for column in columns.values())) for label in labels)
     step = proposal.now.step
     note = (
         "Worst: within the 90 % intervals, with a battery 10 % up or down; at least 6 dB and 45 deg are "
         f"kept. Step from {step.start:.2f} to {step.start + step.size:.2f} m/s; the tracking error "
         "is to the target that the firmware limits by its acceleration."
     )
-    return Table("Margins and predicted step", ("", *columns), rows, note)
+    return table_of("Margins and predicted step", ("", *columns), rows, note)
 
 
 def _judged(judged: AssessedSpeed) -> dict[str, str]:
@@ -197,17 +190,19 @@ def _judged(judged: AssessedSpeed) -> dict[str, str]:
 
 def throttle_run_table(result: SpeedResult) -> Table:
     """Each sweep with its duration, swept frequencies, firmware and file."""
-    rows = []
-    for run in result.runs:
-        files = ", ".join(f"{name} ({sha[:12]})" for name, sha in run.sources)
-        swept = f"{number(run.swept[0], 2)}–{number(run.swept[1], 3)}"
-        seconds = number(run.span[1] - run.span[0], 3)
-        stopped = run.stopped or "complete"
-        rows.append(
-            (Cell(run.name), Cell(files), Cell(run.firmware), Cell(stopped), Cell(seconds), Cell(swept))
+    rows = (
+        (
+            run.name,
+            ", ".join(f"{name} ({sha[:12]})" for name, sha in run.sources),
+            run.firmware,
+            run.stopped or "complete",
+            number(run.span[1] - run.span[0], 3),
+            f"{number(run.swept[0], 2)}–{number(run.swept[1], 3)}",
         )
+        for run in result.runs
+    )
     headings = ("run", "file (SHA-256)", "firmware", "", "s", "rad/s")
-    return Table("Throttle sweeps", headings, tuple(rows), text_columns=4)
+    return table_of("Throttle sweeps", headings, rows, text_columns=4)
 
 
 TONES: dict[str, Tone] = {"good": "good", "acceptable": "warn", "poor": "bad", "none": "bad"}
@@ -235,7 +230,7 @@ def speed_gains_report(proposal: SpeedProposal) -> Document:
     }
     verdict = f"{words[proposal.level]} (identification: {proposal.found.level})."
     settings = speed_gains_table(proposal, None, {})
-    tables = some(replace(settings, note="") if settings else None, speed_margin_table(proposal))
+    tables = some(settings and replace(settings, note=""), speed_margin_table(proposal))
     return Document(
         "Gains of the speed",
         "",
@@ -249,6 +244,11 @@ LAW = (
     "v. Intervals are 90 %, with noise that is correlated in time; they do not include errors of the law "
     "itself."
 )
+RESPONSE = (
+    "Response of the speed to the throttle, measured (Welch's averages) and of the law. Grey: coherence "
+    "below 0.6."
+)
+STEP = "Predicted by simulation of the firmware's speed loop around the law, with all its limits."
 TRY = (
     "Write them to a file: rover-sweep gains FOLDER --out speed.param. Try it with the wheels off the ground "
     "first, then at low speed with room ahead."
@@ -259,6 +259,19 @@ def speed_report(found: SpeedFindings) -> Document:
     """The throttle sweeps as a document."""
     result, proposal = found.result, found.proposal
     low, _, high = result.speeds
+    remarks = proposal.reasons if proposal.level != "none" else ()  # else those of the identification
+    words = "Throttle and speed, measured and simulated by the law. Grey: not part of the fit."
+    drives = [
+        ChartPlan(f"throttle-{run.name}", words, partial(throttle_run_chart, run, result.fit, k))
+        for k, run in enumerate(result.runs)
+    ]
+    response = []
+    if result.fit is not None and result.coherence is not None:
+        draw = partial(throttle_response_chart, result.coherence, result.fit)
+        response.append(ChartPlan("speed-response", RESPONSE, draw))
+    step = []
+    if proposal.now is not None and proposal.proposed is not None:
+        step.append(ChartPlan("speed-step", STEP, partial(speed_step_chart, proposal)))
     runs, made = count(len(result.runs), "throttle sweep"), versions()
     return Document(
         "Speed and throttle",
@@ -273,13 +286,13 @@ def speed_report(found: SpeedFindings) -> Document:
         (
             Section(
                 "Margins and predicted step of the speed",
-                some(speed_margin_table(proposal), Figures(_step(proposal))) if _step(proposal) else (),
+                some(speed_margin_table(proposal), Figures(tuple(step))) if step else (),
                 "step",
                 level="page",
             ),
-            Section("", tuple(Sentence(sentence(words), "muted") for words in _remarks(proposal))),
-            Section("Recordings", (Figures(_runs(result)), throttle_run_table(result)), "runs", level="page"),
-            Section("Frequency response", some(Figures(_response(result))), "response", level="page"),
+            Section("", tuple(Sentence(sentence(w), "muted") for w in (*remarks, *_notes(proposal)))),
+            Section("Recordings", (Figures(tuple(drives)), throttle_run_table(result)), "runs", level="page"),
+            Section("Frequency response", some(Figures(tuple(response))), "response", level="page"),
         ),
         (("report.html", "Steering"),) if found.steering else (),
         (Sentence(LAW, "muted"), Sentence(versions_words(made), "muted")),
@@ -303,38 +316,7 @@ def _answer(found: SpeedFindings) -> str:
     )
 
 
-def _remarks(proposal: SpeedProposal) -> Iterator[str]:
-    if proposal.level != "none":  # the reasons are then those of the identification
-        yield from proposal.reasons
-    yield from _notes(proposal)
-
-
 def _notes(proposal: SpeedProposal) -> Iterator[str]:
     yield from proposal.remarks
     if proposal.now is not None and proposal.loop.assumed:
         yield f"assumed at the firmware's defaults: {', '.join(proposal.loop.assumed)}"
-
-
-def _runs(result: SpeedResult) -> tuple[ChartPlan, ...]:
-    words = "Throttle and speed, measured and simulated by the law. Grey: not part of the fit."
-    return tuple(
-        ChartPlan(f"throttle-{run.name}", words, partial(throttle_run_chart, run, result.fit, k))
-        for k, run in enumerate(result.runs)
-    )
-
-
-def _response(result: SpeedResult) -> tuple[ChartPlan, ...]:
-    if result.fit is None or result.coherence is None:
-        return ()
-    words = (
-        "Response of the speed to the throttle, measured (Welch's averages) and of the law. Grey: coherence "
-    )
-    draw = partial(throttle_response_chart, result.coherence, result.fit)
-    return (ChartPlan("speed-response", f"{words}below 0.6.", draw),)
-
-
-def _step(proposal: SpeedProposal) -> tuple[ChartPlan, ...]:
-    if proposal.now is None or proposal.proposed is None:
-        return ()
-    words = "Predicted by simulation of the firmware's speed loop around the law, with all its limits."
-    return (ChartPlan("speed-step", words, partial(speed_step_chart, proposal)),)
