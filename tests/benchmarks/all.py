@@ -5,7 +5,7 @@
 --quick leaves out the commands that take minutes. Times are CPU seconds (user and system, of all threads), as
 the median of TURNS turns in which both sides run one after the other, without a first one to warm up. A long
 log is the short one repeated; its peer's time is that for the short one, times the repetitions. --gigabytes
-adds a .BIN of that size. pyAircraftIden needs a checkout of its own: composite_vs_pyaircraftiden.py.
+adds a .BIN of that size.
 """
 
 from __future__ import annotations
@@ -25,16 +25,17 @@ from pathlib import Path
 
 import numpy as np
 
-sys.path.append(sys.path.pop(0))
+sys.path.pop(0)  # this folder, whose coverage.py numba would take for another one
 sys.path.insert(0, str(Path(__file__).parents[1] / "identification"))
-from speed import WINDOWS, by_differences, welch_responses
+from scipy.optimize import least_squares
+from scipy.signal import csd, welch
 from synthetic import GEOMETRY, TRUE, driven
 
-sys.path.pop()  # this folder, whose coverage.py numba would take for another one
-
-from rover_sweep.identification.fit import Condition, fit
+from rover_sweep.data.recording import Recording
+from rover_sweep.identification.fit import Condition, fit, residuals
 from rover_sweep.identification.grouping import Group
 from rover_sweep.identification.models import roll_yaw
+from rover_sweep.identification.state_space import ModelStructure
 from rover_sweep.live.verdict import judge
 from rover_sweep.logs.readers.dataflash import open_parts
 from rover_sweep.logs.readers.tlog import open_tlog
@@ -44,6 +45,7 @@ from rover_sweep.quality.coherence import responses
 
 ROOT = Path(__file__).resolve().parents[2]
 TURNS = 5
+WINDOWS = (5.0, 7.5, 11.0, 17.0, 25.0)
 DATA = ROOT / "tests" / "data"
 NOMINAL = DATA / "ardurover-4.6.3" / "nominal"
 COLUMNS = {"IMU": ("TimeUS", "GyrX", "GyrZ"), "XKF1": ("TimeUS", "VN", "VE")}
@@ -133,6 +135,30 @@ def readers(folder: Path) -> Iterator[Row]:
             one, other = by_turns(lambda p=path, w=ours: w(p), peer)
             share = size / short.stat().st_size
             yield Row(f"{suffix}, {size / 1e6:.1f} MB", one, other * share, "pymavlink", size)
+
+
+def welch_responses(run: Recording) -> list[np.ndarray]:
+    """Plain Welch estimates of the four responses at the five window lengths, on the even grid."""
+    t, x = run.uniform(400.0)
+    out = []
+    for name in ("r", "ay", "vy", "p"):
+        for length in WINDOWS:
+            n = int(length * 400)
+            spectra = csd(x["delta"], x[name], 400.0, nperseg=n, noverlap=int(0.8 * n))[1]
+            out.append(spectra / welch(x["delta"], 400.0, nperseg=n, noverlap=int(0.8 * n))[1])
+    return out
+
+
+def by_differences(structure: ModelStructure, condition: Condition) -> None:
+    """The roll-yaw fit with scipy's finite differences in place of the analytic Jacobian."""
+    names = [p.name for p in structure.free]
+    start = np.array([p.value for p in structure.free])
+
+    def error(x: np.ndarray) -> np.ndarray:
+        moved = structure.with_values(dict(zip(names, x * start, strict=True)))
+        return np.concatenate(list(residuals(moved, condition).values()))
+
+    least_squares(error, np.ones(start.size), x_scale="jac", xtol=1e-9, ftol=1e-9)
 
 
 def estimates() -> Iterator[Row]:

@@ -27,8 +27,8 @@ from rover_sweep.identification.models import roll_yaw
 from rover_sweep.identification.pipeline import Identification
 from sitl.plant.variant import PlantParameters, load_variant
 from tests.comparison.pairs import drawn, drive, vehicle_file
-from tests.foreign.draw import draw
-from tests.foreign.recorded import runs_of
+from tests.foreign.recorded import drives, runs_of
+from tests.foreign.rover import SIZES, draw_rover
 
 NOMINAL = Path(__file__).parents[1] / "data" / "ardurover-4.6.3" / "nominal"
 SWEEPS = (NOMINAL / "run1.BIN", NOMINAL / "run2.BIN")
@@ -105,8 +105,9 @@ def true_parameters(rover: PlantParameters) -> dict[str, float]:
 
 def foreign_checked(seed: int, measured: bool, model: str) -> list[Checked]:
     """The parameters of another rover for each seed, of the other simulation and from 2 to 420 kg."""
-    one = draw("none", seed)
-    n, instruments = one.rover.numbers, one.rover.instruments
+    rng = np.random.default_rng([0, seed])
+    rover = draw_rover(rng, SIZES[int(rng.integers(len(SIZES)))])
+    plan, n, instruments = drives(rng, rover), rover.numbers, rover.instruments
     told = {
         "mass": n.m,
         "sprung_mass": n.ms,
@@ -114,13 +115,13 @@ def foreign_checked(seed: int, measured: bool, model: str) -> list[Checked]:
         "cg_to_rear_axle": n.b,
         "cg_height_above_roll_centre": n.h,
         "roll_inertia": n.Ixx,
-        "rad_per_us": one.rover.rad_per_us,
+        "rad_per_us": rover.rad_per_us,
         "imu_x": instruments.imu_x,
         "imu_z": instruments.imu_z,
     }
-    exact = replace(one.rover, told={key: float(value) for key, value in told.items()})
-    runs, held = runs_of(one.rover if measured else exact, one.plan, seed)
-    tau = one.rover.delay + 1 / n.gain  # the loop's lag, whatever its motor's
+    exact = replace(rover, told={key: float(value) for key, value in told.items()})
+    runs, held = runs_of(rover if measured else exact, plan, seed)
+    tau = rover.delay + 1 / n.gain  # the loop's lag, whatever its motor's
     mean = (n.Cf + n.Cr) / 2
     names = {"C": mean, "Cf": n.Cf, "Cr": n.Cr, "Izz": n.Izz, "k_phi": n.kphi, "b_phi": n.bphi, "tau": tau}
     return checked(rs.identify(runs, held, bootstrap=REPLICATES), names, model)

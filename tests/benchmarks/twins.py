@@ -13,7 +13,6 @@ import argparse
 import json
 import subprocess
 import sys
-import tarfile
 import tempfile
 import time
 from collections.abc import Mapping
@@ -21,18 +20,13 @@ from math import sqrt
 from pathlib import Path
 from typing import Any
 
-from tests.foreign.shared import cases, vehicle_text
+from tests.foreign.grade import cases, unpacked
 
 
 def twin_of(path: Path, out: Path) -> dict[str, Any]:
     """twin.json of one case; RuntimeError with the command's words if it fails."""
-    case = json.loads(path.read_text())
-    with tempfile.TemporaryDirectory() as unpacked:
-        with tarfile.open(path.with_suffix(".tar.xz")) as archive:
-            archive.extractall(unpacked, filter="data")
-        vehicle = Path(unpacked) / "rover.toml"
-        vehicle.write_text(vehicle_text(case["told"], above_roll_axis="engine" in case))
-        logs = [str(next(Path(unpacked).rglob(f"run{k}.BIN"))) for k in (1, 2, 3, 4)]
+    with unpacked(path) as (_, vehicle, paths):
+        logs = [str(log) for log in paths]
         command = [sys.executable, "-m", "rover_sweep", "twin", *logs[:3], "--hold-out", logs[3]]
         command += ["--vehicle", str(vehicle), "--out", str(out / path.stem), "--json"]
         done = subprocess.run(command, capture_output=True, text=True, check=False)

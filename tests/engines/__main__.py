@@ -1,7 +1,9 @@
-"""`python -m tests.engines`: rovers of several physics engines, diagnosed and graded.
+"""`python -m tests.engines`: rovers whose physics was written by somebody else, diagnosed and graded.
 
-Every line has the truth, with the visibility of each effect in brackets, and the answer. --cache keeps the
-drawn sets, so that several versions of the diagnosis answer the same ones.
+Either drawn, of several physics engines (the one named foreign is the plant of `tests.foreign`), or recorded
+(--shared DIR: cNN.json beside cNN.tar.xz). Every line has the truth, with the visibility of each effect in
+brackets, and the answer. --cache keeps the drawn sets, so that several versions of the diagnosis answer the
+same ones.
 """
 
 from __future__ import annotations
@@ -18,8 +20,7 @@ from rover_sweep.diagnosis.posterior import infer
 from tests.engines.draw import KINDS, BenchSet, drawn_set
 from tests.engines.engine import MODULES, engine
 from tests.engines.judge import Judged, judged, reliability, table
-from tests.foreign.answer import answered
-from tests.foreign.summary import line
+from tests.foreign.grade import PLACES, answered, diagnosed_cases, line
 
 Wanted = tuple[str, str, int, Path | None]
 
@@ -43,7 +44,9 @@ def main() -> None:
         return
     found: list[Judged] = []
     try:
-        for drawn_words, truth, result, answer in _results(wanted, args.jobs):
+        for drawn_words, truth, result, answer in (
+            _recorded(args) if args.shared else _results(wanted, args.jobs)
+        ):
             print(f"{result.engine} {result.kind} {line(result.marks, answer, drawn_words)}", flush=True)
             found.append(result)
             if args.json:
@@ -63,7 +66,7 @@ def _kept(paths: list[Path]) -> Iterator[Judged]:
     for path in paths:
         for text in path.read_text().splitlines():
             one = json.loads(text)
-            yield judged(one, one, engine(one["engine"]).places)
+            yield judged(one, one, engine(one["engine"]).places if one["engine"] in MODULES else PLACES)
 
 
 def _results(wanted: list[Wanted], jobs: int) -> Iterator[tuple[str, dict[str, Any], Judged, dict[str, Any]]]:
@@ -72,6 +75,11 @@ def _results(wanted: list[Wanted], jobs: int) -> Iterator[tuple[str, dict[str, A
         return
     with ProcessPoolExecutor(jobs) as pool:
         yield from pool.map(_one, wanted)
+
+
+def _recorded(args: argparse.Namespace) -> Iterator[tuple[str, dict[str, Any], Judged, dict[str, Any]]]:
+    for truth, answer, truth_words in diagnosed_cases(args.shared, args.only):
+        yield truth_words, truth, judged(truth, answer, PLACES), answer
 
 
 def _one(wanted: Wanted) -> tuple[str, dict[str, Any], Judged, dict[str, Any]]:
@@ -98,6 +106,8 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("--jobs", type=int, default=1, help="sets at a time")
     parser.add_argument("--cache", type=Path, metavar="DIR", help="keep drawn sets here and read them again")
     parser.add_argument("--draw-only", action="store_true", help="print what is concealed, diagnose nothing")
+    parser.add_argument("--shared", type=Path, metavar="DIR", help="recorded rovers instead of drawn ones")
+    parser.add_argument("--only", default="", help="cases of --shared, as in c12,c13")
     parser.add_argument("--json", type=Path, metavar="FILE", help="append a JSON line for each set")
     parser.add_argument("--every-finding", action="store_true", help="name unsure ones too")
     parser.add_argument(

@@ -18,8 +18,8 @@ from typing import Any
 
 import numpy as np
 
-from tests.engines.rover import EngineRover
-from tests.foreign.chassis import BED_FRICTION, BED_WAY, GRAVITY, STOP_W
+from tests.engines.engine import EngineRover
+from tests.foreign.plant import BED_FRICTION, BED_WAY, GRAVITY, STOP_W
 
 sys.exudynFast = True  # type: ignore[attr-defined]  # without checks of ranges
 with contextlib.redirect_stdout(io.StringIO()):

@@ -20,11 +20,8 @@ import numpy as np
 import rover_sweep as rs
 from rover_sweep.api.diagnose import compare
 from rover_sweep.data.recording import Recording
-from tests.engines.engine import MODULES, Engine, engine
-from tests.engines.rover import EngineRover
-from tests.foreign.chassis import SURFACE
-from tests.foreign.motion import DT
-from tests.foreign.numbers import Numbers
+from tests.engines.engine import MODULES, Engine, EngineRover, engine
+from tests.foreign.plant import DT, SURFACE, Numbers
 from tests.foreign.rover import Instruments, Surroundings
 
 DATA = Path(__file__).parents[1] / "data"

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from tests.engines.engine import Array, Engine, Signals
-from tests.engines.rover import EngineRover
-from tests.foreign.chassis import STATES
-from tests.foreign.draw import LISTED
+from tests.engines.engine import Array, Engine, EngineRover, Signals
 from tests.foreign.grade import PLACES
-from tests.foreign.instruments import felt
-from tests.foreign.motion import integrated
+from tests.foreign.laws import LISTED
 from tests.foreign.outside_laws import OUTSIDE_LAWS
+from tests.foreign.plant import STATES, integrated
+from tests.foreign.recorded import felt
 from tests.foreign.rover import SIZES
 
 

@@ -168,7 +168,7 @@ def _row(engine: str, kind: str, some: Sequence[Judged]) -> tuple[str, ...]:
         engine,
         kind,
         str(len(some)),
-        share([m.mark == "exact" for m in marks]) if kind in ("single", "double") else "-",
+        share([m.mark == "exact" for m in marks]) if kind not in ("none", "outside") else "-",
         share([bool(m.wrong) for m in marks]),
         share([len(m.first) == 2 for m in marks]) if kind == "double" else "-",
         share([bool(m.named) for m in marks]) if kind == "none" else "-",

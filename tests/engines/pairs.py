@@ -25,10 +25,8 @@ from rover_sweep.api.read import Runs, with_delta
 from rover_sweep.data.vehicle_file import parse
 from tests.comparison.pairs import ALWAYS, FACTORS, KINDS
 from tests.engines.draw import hidden_in
-from tests.engines.engine import MODULES, driven, engine
-from tests.engines.rover import EngineRover, drawn_rover
-from tests.foreign.drive import drives
-from tests.foreign.recorded import logged
+from tests.engines.engine import MODULES, EngineRover, drawn_rover, driven, engine
+from tests.foreign.recorded import drives, logged
 from tests.foreign.rover import vehicle_toml
 
 # {number of the rover: (relative change, how the tool names it)}

@@ -7,14 +7,11 @@ from typing import cast
 
 from numpy.random import Generator
 
-from tests.engines.rover import EngineRover
-from tests.foreign.chassis import GRAVITY
-from tests.foreign.law import Applied, Extras, Law
+from tests.engines.engine import EngineRover
+from tests.foreign.laws import SENSORS, STEERING, VEHICLE, Applied, Extras, Law
 from tests.foreign.outside_laws import OUTSIDE_LAWS
+from tests.foreign.plant import GRAVITY
 from tests.foreign.rover import Rover
-from tests.foreign.sensor_laws import SENSORS
-from tests.foreign.steering_laws import STEERING
-from tests.foreign.vehicle_laws import VEHICLE
 
 EVERYWHERE = (  # outside every list, and made in each engine that has no part for it
     "outside:cubic_hysteresis",

@@ -7,23 +7,69 @@ rolls on its frame here, and its reaction goes back into the frame's sideways ve
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import slipx
 from numba import njit
 
-from tests.engines.added_forces import at_speed, load_roll, load_step
-from tests.engines.engine import Array, Engine, Signals
-from tests.engines.rover import EngineRover
-from tests.engines.slipx_laws import LISTED, OUTSIDE, PLACES
-from tests.foreign.chassis import GRAVITY, ROAD_ROLL, ROAD_Y, ROAD_YAW, WIND_X, WIND_Y, bump_moment
-from tests.foreign.instruments import mounted
-from tests.foreign.motion import DT
-from tests.foreign.numbers import Numbers
-from tests.foreign.rover import SIZES
-from tests.foreign.steering import STATES as STEERING_STATES
-from tests.foreign.steering import steering_step
+from tests.engines.engine import Array, Engine, EngineRover, Signals, at_speed, load_roll, load_step
+from tests.engines.shared_laws import EVERYWHERE, PATH, SENSING, outside_laws, vehicle_laws
+from tests.foreign.grade import PLACES
+from tests.foreign.laws import Extras, Law, peak_ay, share_of_base
+from tests.foreign.plant import (
+    DT,
+    GRAVITY,
+    ROAD_ROLL,
+    ROAD_Y,
+    ROAD_YAW,
+    STEERING_STATES,
+    WIND_X,
+    WIND_Y,
+    Numbers,
+    bump_moment,
+    steering_step,
+)
+from tests.foreign.recorded import mounted
+from tests.foreign.rover import SIZES, Rover
+
+
+def _spool(rover: Rover, size: float, _extras: Extras) -> Rover:
+    return cast(EngineRover, rover).having(spool=size)
+
+
+def _relaxing(rover: Rover, size: float, _extras: Extras) -> Rover:
+    return rover.of(sigma=share_of_base(rover, size))
+
+
+def _narrow(rover: Rover, size: float, _extras: Extras) -> Rover:
+    return rover.of(track=lifted_track(rover, size))
+
+
+def lifted_track(rover: Rover, size: float) -> float:
+    """Track [m] at which the inner wheels lift at 1/size of a steady turn's a_y at the large amplitude."""
+    n = rover.numbers
+    return 2 * (n.h + n.roll_axis) * peak_ay(rover) / size / GRAVITY
+
+
+LISTED: tuple[Law, ...] = (
+    *(law for law in PATH if law.place != "compliance"),  # no force comes back into the steering
+    *SENSING,
+    *vehicle_laws(("tyre_saturation", "Magic Formula"), ("front_rear_stiffness", "ratio"), ("side_wind", "")),
+    Law("yaw_damping", "spool", "yaw", 0.99, 1.0, _spool, "-", absolute=True),
+    Law("tyre_relaxation", "slip angle", "tyre", 0.06, 1.5, _relaxing, "m", share_of_base),
+)
+OUTSIDE: tuple[Law, ...] = (
+    *outside_laws(EVERYWHERE),
+    Law("outside:wheel_lift", "load to zero", "tyre", 0.6, 1.8, _narrow, "m", lifted_track),
+)
+
+
+# ---- slipx (double track in C++, for cars of 1:10) as an engine, scaled to every size.
+#
+# Slip angles with relaxation, load transfer, Magic Formula with a load-sensitive peak, friction ellipse,
+# open or locked differential, motor, battery and the drive's losses are slipx's. It has no roll: a body on a
+# spring rolls on its frame here, and its reaction goes back into the frame's sideways velocity at each step.
 
 MU = 2.0
 RELAXATION = 0.03  # of the wheelbase

@@ -11,14 +11,12 @@ import numpy as np
 import pytest
 
 from tests.engines.draw import KINDS, drawn_set
-from tests.engines.engine import CHANNELS, MODULES, Engine, Signals, driven, engine
+from tests.engines.engine import CHANNELS, MODULES, Engine, EngineRover, Signals, drawn_rover, driven, engine
 from tests.engines.judge import brier, judged, reliability, removed, table, within
-from tests.engines.rover import EngineRover, drawn_rover
-from tests.foreign.chassis import SURFACE
-from tests.foreign.draw import LISTED
-from tests.foreign.drive import drives
-from tests.foreign.motion import DT
+from tests.foreign.laws import LISTED
 from tests.foreign.outside_laws import OUTSIDE_LAWS
+from tests.foreign.plant import DT, SURFACE
+from tests.foreign.recorded import drives
 
 SECONDS = 11.0
 STEERED = 6.0
@@ -171,7 +169,7 @@ def test_a_table_of_invented_answers() -> None:
     text = table([*rows, judged({**planted, "engine": "slipx"}, said(), {})])
     assert "| all     | single | 3 " in text and "| all" not in table(rows)
     assert removed(None) is None and removed({"share_removed": 0.4}) == 0.4
-    assert set(KINDS) == {"none", "single", "double", "outside"}
+    assert set(KINDS) == {"none", "single", "double", "outside", "triple", "foreign_form"}
 
 
 def test_probabilities_and_bounds_against_the_truth() -> None:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from numpy.random import Generator
 
-from tests.foreign.chassis import GRAVITY
-from tests.foreign.law import Applied, Extras, Law, a_sign, peak_ay, share_of_base, turning_stiffness
+from tests.foreign.laws import Applied, Extras, Law, a_sign, peak_ay, share_of_base, turning_stiffness
+from tests.foreign.plant import GRAVITY
 from tests.foreign.rover import Rover
 
 

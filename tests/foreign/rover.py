@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.random import Generator
 
-from tests.foreign.numbers import Numbers
+from tests.foreign.plant import Numbers
 
 GRAVITY = 9.81
 

@@ -1,28 +1,39 @@
-"""A bad link is called a bad link, and what is said of the rover is true over any link."""
+"""A bad link is called a bad link, and what is said of the rover is true over any link, after a reboot, and
+beside another rover.
+"""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 from unittest import mock
 
 import pytest
+from virtual_faults import STRANGER, disarmed, power_lost, second_rover, weather
+from virtual_faults import weather as link_weather
 from virtual_line import VirtualLine
 from virtual_pipe import FAIR, Weather
-from virtual_run import BOOT
-from virtual_world import World
+from virtual_promises import broken
+from virtual_run import BOOT, SWEEP, Outcome, played, session_played
+from virtual_world import At, Phase, World
 
-from rover_sweep.errors import LinkError
+from rover_sweep.errors import LinkError, UsageError
+from rover_sweep.live.source import Verdict
+from rover_sweep.live.verdict import judge
+from rover_sweep.logs.readers.tlog import open_tlog
 from rover_sweep.session.session import start_streams
 from rover_sweep.vehicle.events import StreamsSet
 from rover_sweep.vehicle.identity import check_applet, identify_vehicle
+from rover_sweep.vehicle.link.connection import Access, VehicleClock
 from rover_sweep.vehicle.link.inbox import BadLink
 from rover_sweep.vehicle.link.link import Link
 from rover_sweep.vehicle.parameters import read_all, write_parameter
 from rover_sweep.vehicle.preflight.readiness import preflight
+from rover_sweep.vehicle.run.follow import RebootWatch
 from sitl.ground.ground_session import GroundLink
 
 SLOWER = {  # than a good link, and no wrong word
@@ -182,3 +193,104 @@ def test_preflight_over_a_link_too_bad_says_only_that(tmp_path: Path) -> None:
         (check,) = preflight(link, tmp_path)
     assert (check.name, check.state, check.seen) == ("link", "bad", "too poor")
     assert "the link loses" in check.sentence
+
+
+# ---- A rover that loses its power in a run is said to have rebooted; a run that the applet stops is not.
+
+
+@pytest.mark.parametrize("phase", ["waiting", "straight", "sweep"])
+def test_a_reboot_is_called_a_reboot(tmp_path: Path, phase: Phase) -> None:
+    outcome = played(tmp_path, [(At(phase, 0.5), power_lost(2.0))], after=1.0, limit=60.0)
+    assert outcome.fired and outcome.finished is not None and not outcome.finished.completed
+    assert outcome.finished.reason.startswith("the rover rebooted in run 1; check its power supply")
+    assert "stopped by the applet" not in outcome.said
+
+
+def test_a_run_that_the_applet_stops_is_no_reboot(tmp_path: Path) -> None:
+    outcome = played(tmp_path, [(At("sweep", 0.5), disarmed())], after=1.0, limit=60.0)
+    assert outcome.finished is not None and "disarmed" in outcome.finished.reason
+    assert "rebooted" not in outcome.said
+
+
+def test_only_a_run_that_was_not_whole_before_is_ended_by_a_reboot() -> None:
+    clock = VehicleClock(now=100.0, known=True)
+    watch = RebootWatch.since_now(clock)
+    assert watch.outcome(3, (False, "why")) == (False, "why")
+    clock.boots += 1
+    assert watch.outcome(3, (False, "why"))[1].startswith("the rover rebooted in run 3")
+    assert watch.outcome(3, (True, "whole")) == (True, "whole")
+
+
+@pytest.mark.parametrize("weather", [FAIR, Weather(drop=0.1)])
+def test_a_poor_link_is_named_after_the_run(tmp_path: Path, weather: Weather) -> None:
+    bad = weather is not FAIR
+    happenings = [(At("straight"), link_weather("10 % lost", weather))] if bad else []
+    outcome = session_played(tmp_path, happenings, after=1.0, back=1.0)
+    assert outcome.finished is not None
+    assert (re.search(r"after sweep1: the link loses \d+% of the frames", outcome.said) is not None) == bad
+
+
+# ---- A second rover on the channel: asked for at the start, and without any effect later.
+
+
+def whole(outcome: Outcome) -> None:
+    """The run came to its end as if there were no other rover."""
+    assert outcome.fired and outcome.error is None, outcome.error
+    assert outcome.finished is not None and outcome.finished.completed
+    assert outcome.record.completed == (1,) and outcome.finished.number == 1
+    assert broken(outcome) == []
+
+
+def test_without_a_word_on_which_one_nothing_moves(tmp_path: Path) -> None:
+    outcome = played(tmp_path, [(At("connecting"), second_rover())], after=2.0)
+    assert isinstance(outcome.error, UsageError)
+    assert f"system 1 (ground rover), system {STRANGER} (ground rover)" in outcome.said
+    assert outcome.record.metres() == 0.0 and outcome.record.sent == [] and not outcome.armed
+
+
+def test_the_chosen_one_drives_and_the_other_counts_for_nothing(tmp_path: Path) -> None:
+    outcome = played(tmp_path, [(At("connecting"), second_rover())], after=2.0, access=Access(system=1))
+    whole(outcome)
+    found = open_tlog(tmp_path / "sweep1.tlog", frozenset({"NAMED_VALUE_FLOAT", "HEARTBEAT"})).messages
+    assert {system for frames in found.values() for system in frames.system.tolist()} == {1}
+
+
+@pytest.mark.parametrize("phase", ["uploading", "sweep"])
+def test_one_that_comes_later_changes_nothing_and_is_told_once(tmp_path: Path, phase: Phase) -> None:
+    told: list[str] = []
+    outcome = played(tmp_path, [(At(phase, 0.3), second_rover())], after=2.0, access=Access(tell=told.append))
+    whole(outcome)
+    assert [f"system {STRANGER} (ground rover)" in words for words in told] == [True]
+
+
+# ---- A run driven over a poor link gets the verdict and the amplitude of one driven over a good link.
+
+LONG = replace(SWEEP, t_rec=20.0)
+
+
+def judged(folder: Path, kind: Weather) -> Verdict:
+    """From the telemetry alone; at this seed no band is at a limit between two words."""
+    outcome = played(
+        folder, [(At("straight"), weather("poor", kind))], manoeuvre=LONG, after=1.0, back=1.0, seed=4
+    )
+    assert outcome.finished is not None and outcome.finished.completed, outcome.said
+    return judge(folder / "sweep1.tlog", outcome.finished.span, "sweep1")
+
+
+@pytest.fixture(scope="module")
+def good(tmp_path_factory: pytest.TempPathFactory) -> Verdict:
+    return judged(tmp_path_factory.mktemp("good"), FAIR)
+
+
+@pytest.mark.parametrize("kind", [Weather(drop=0.05), Weather(corrupt=0.05), Weather(jitter=0.5)], ids=str)
+def test_the_verdict_is_that_of_a_good_link(tmp_path: Path, good: Verdict, kind: Weather) -> None:
+    poor = judged(tmp_path, kind)
+    assert (poor.advice, good.advice) == ("keep", "keep")
+    assert poor.amplitude == pytest.approx(good.amplitude, rel=0.2)
+    for response in ("r", "ay"):
+        found, wanted = (
+            [(b.words, b.coherence) for b in v.bands if b.response == response] for v in (poor, good)
+        )
+        assert [words for words, _ in found] == [words for words, _ in wanted]
+        for (_, coherence), (_, there) in zip(found, wanted, strict=True):
+            assert coherence == pytest.approx(there, abs=0.1)

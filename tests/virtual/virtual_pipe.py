@@ -1,4 +1,4 @@
-"""One direction of a bad link, in virtual time: what is put in comes out later, damaged, twice or never.
+"""One direction of a bad link in virtual time, and the laptop's door to the virtual world.
 
     pipe = Pipe(seed=1)
     pipe.put(frame, now_us)                # one MAVLink frame a call

@@ -1,0 +1,508 @@
+"""What a catalogue of concealed laws is made of, and the laws of the list: from the literature, and sharing
+no equation with the diagnosis. `outside_laws` has those that the list lacks.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from math import exp
+
+from numpy.random import Generator
+
+from tests.foreign.plant import GRAVITY
+from tests.foreign.rover import Rover
+
+Extras = Mapping[str, float]  # numbers of a law that are drawn, not sized
+Applied = Callable[[Rover, float, Extras], Rover]
+
+
+def no_extras(_rng: Generator) -> dict[str, float]:
+    """For a law whose size says all."""
+    return {}
+
+
+def a_sign(rng: Generator) -> dict[str, float]:
+    """{"sign": -1 or 1}."""
+    return {"sign": float(rng.choice([-1.0, 1.0]))}
+
+
+def size_itself(_rover: Rover, size: float) -> float:
+    """The value of a law whose size is its value."""
+    return size
+
+
+@dataclass(frozen=True)
+class Law:
+    """One law that may be concealed.
+
+    effect: its id, "outside:..." where the list has none. form: which law. place: laws of one place are not
+    concealed together. low, high: sizes, from more than a normal tolerance to the largest that a vehicle may
+    have. apply(rover, size, extras) is monotonic in size. value: the size in the unit of
+    `unit`. own: the form is that of the list's equation. absolute: judged by its size alone, since nominal
+    parameters would take up all of it below a tolerance.
+    """
+
+    effect: str
+    form: str
+    place: str
+    low: float
+    high: float
+    apply: Applied
+    unit: str = "-"
+    value: Callable[[Rover, float], float] = size_itself
+    extras: Callable[[Generator], dict[str, float]] = field(default=no_extras)
+    own: bool = False
+    absolute: bool = False
+
+
+def peak_ay(rover: Rover) -> float:
+    """a_y [m/s^2] of a steady turn at the large amplitude, single track."""
+    return rover.amplitude * rover.speed**2 / (rover.numbers.a + rover.numbers.b)
+
+
+def turning_stiffness(rover: Rover) -> float:
+    """a^2 Cf + b^2 Cr [N m/rad]; over the speed it is the yaw damping of the tyres [N m s/rad]."""
+    n = rover.numbers
+    return n.a**2 * n.Cf + n.b**2 * n.Cr
+
+
+def share_of_base(rover: Rover, size: float) -> float:
+    """A length [m] from its share of the wheelbase."""
+    return size * (rover.numbers.a + rover.numbers.b)
+
+
+# ---- Laws of the list between the command and the road wheel.
+
+
+def _angle(rover: Rover, size: float) -> float:
+    return size * rover.amplitude
+
+
+def _by_amplitude(name: str, form: float) -> Applied:
+    """For a law whose field is a share of the large amplitude."""
+
+    def apply(rover: Rover, size: float, _extras: Extras) -> Rover:
+        return rover.of(**{name: size * rover.amplitude, f"{name}_form": form})
+
+    return apply
+
+
+def _steering() -> list[Law]:
+    found = []
+    for name, form, own, effect in (
+        ("deadband", "dead zone", True, "steering_deadband"),
+        ("deadband", "jump at its edge", False, "steering_deadband"),
+        ("deadband", "soft", False, "steering_deadband"),
+        ("stiction", "held target", True, "steering_stiction"),
+        ("stiction", "drives until arrived", False, "steering_stiction"),
+        ("stiction", "drives above an error", False, "steering_stiction"),
+        ("play", "play", True, "steering_backlash"),
+        ("play", "play with spring", False, "steering_backlash"),
+        ("play", "Bouc-Wen", False, "steering_backlash"),
+        ("play", "Dahl", False, "steering_backlash"),
+    ):
+        number = sum(law.effect == effect for law in found)
+        apply = _by_amplitude(name, float(number))
+        found.append(Law(effect, form, "linkage", 0.03, 0.3, apply, "rad", _angle, own=own))
+    return found
+
+
+def _curve(form: float) -> Applied:
+    def apply(rover: Rover, size: float, _extras: Extras) -> Rover:
+        loss = size / rover.amplitude**2 if form != 2.0 else size / (0.3 * rover.amplitude)
+        return rover.of(curve=loss, curve_form=form)
+
+    return apply
+
+
+def _cubic_value(rover: Rover, size: float) -> float:
+    return size / rover.amplitude**2
+
+
+def _asymmetry(form: float) -> Applied:
+    def apply(rover: Rover, size: float, extras: Extras) -> Rover:
+        e = size if form == 0.0 else size / (8.0 * rover.amplitude)
+        return rover.of(asymmetry=extras["sign"] * e, asymmetry_form=form)
+
+    return apply
+
+
+def _compliance(form: float) -> Applied:
+    def apply(rover: Rover, size: float, _extras: Extras) -> Rover:
+        return rover.of(compliance=_per_newton(rover, size), compliance_form=form)
+
+    return apply
+
+
+def _per_newton(rover: Rover, size: float) -> float:
+    """Angle per front side force: the share `size` of the large amplitude is lost at its side force."""
+    n = rover.numbers
+    return size * rover.amplitude / (n.m * peak_ay(rover) * n.b / (n.a + n.b))
+
+
+def _shaped() -> list[Law]:
+    laws = [
+        Law(
+            "steering_nonlinearity",
+            form,
+            "shape",
+            0.06,
+            high,
+            _curve(float(k)),
+            "1/rad^2",
+            _cubic_value,
+            own=k == 0,
+        )
+        for k, (form, high) in enumerate((("cubic", 0.6), ("crank", 0.25), ("exponent", 0.6), ("tanh", 0.6)))
+    ]
+    laws += [
+        Law("steering_asymmetry", form, "shape", 0.05, 0.4, _asymmetry(float(k)), extras=a_sign, own=k == 0)
+        for k, form in enumerate(("two gains", "quadratic"))
+    ]
+    laws += [
+        Law(
+            "steering_compliance",
+            form,
+            "compliance",
+            0.08,
+            0.6,
+            _compliance(float(k)),
+            "rad/N",
+            _per_newton,
+            own=k == 0,
+        )
+        for k, form in enumerate(("side force", "aligning moment"))
+    ]
+    laws.append(
+        Law(
+            "steering_trim",
+            "constant",
+            "trim",
+            0.02,
+            0.09,
+            lambda r, s, e: r.of(trim=e["sign"] * s),
+            "rad",
+            extras=a_sign,
+            own=True,
+            absolute=True,
+        )
+    )
+    return laws
+
+
+def _second_order(rover: Rover, size: float, _extras: Extras) -> Rover:
+    zeta = 0.6  # lag of 2 zeta/w in all
+    return rover.of(gain=1 / size, motor_lag=size / (4 * zeta * zeta))
+
+
+def _rate(form: float) -> Applied:
+    def apply(rover: Rover, size: float, _extras: Extras) -> Rover:
+        return rover.of(rate=_slowest(rover, size), rate_form=form)
+
+    return apply
+
+
+def _slowest(rover: Rover, size: float) -> float:
+    return 25.0 * rover.amplitude / size
+
+
+def _late(rover: Rover, size: float, _extras: Extras) -> Rover:
+    return replace(rover, delay=size)
+
+
+def _framed(rover: Rover, size: float, _extras: Extras) -> Rover:
+    frame = 0.04
+    return replace(rover, delay=size - frame / 2).amid(hold=frame)
+
+
+def _servo() -> list[Law]:
+    def first(rover: Rover, size: float, _extras: Extras) -> Rover:
+        return rover.of(gain=1 / size)
+
+    return [
+        Law("servo_lag", "first order", "servo", 0.09, 0.17, first, "s", own=True, absolute=True),
+        Law("servo_lag", "second order", "servo", 0.09, 0.14, _second_order, "s", absolute=True),
+        Law("transport_delay", "delay", "servo", 0.09, 0.15, _late, "s", own=True, absolute=True),
+        Law("transport_delay", "delay and frame", "servo", 0.09, 0.15, _framed, "s", absolute=True),
+        Law("servo_rate_limit", "limit", "servo", 1.05, 4.0, _rate(0.0), "rad/s", _slowest, own=True),
+        Law("servo_rate_limit", "weak motor", "servo", 1.05, 4.0, _rate(1.0), "rad/s", _slowest),
+    ]
+
+
+STEERING: tuple[Law, ...] = (*_steering(), *_shaped(), *_servo())
+
+
+# ---- Laws of the list in tyres, body, suspension and on the ground.
+
+
+def _tyre(form: int) -> Applied:
+    def apply(rover: Rover, size: float, _extras: Extras) -> Rover:
+        return rover.of(mu=_friction(rover, size), tyre_form=form)
+
+    return apply
+
+
+def _friction(rover: Rover, size: float) -> float:
+    return peak_ay(rover) / GRAVITY / size
+
+
+def _load(form: int) -> Applied:
+    def apply(rover: Rover, size: float, _extras: Extras) -> Rover:
+        return rover.of(load_form=form, load_k=size)
+
+    return apply
+
+
+def _ratio(rover: Rover, size: float, _extras: Extras) -> Rover:
+    """Softer in front: the other way a rover soon oversteers."""
+    n = rover.numbers
+    both, share = (n.Cf * n.Cr) ** 0.5, _front_over_rear(rover, size) ** 0.5
+    return rover.of(Cf=both * share, Cr=both / share)
+
+
+def _front_over_rear(_rover: Rover, size: float) -> float:
+    return exp(-size)
+
+
+def _relaxing(form: float) -> Applied:
+    def apply(rover: Rover, size: float, _extras: Extras) -> Rover:
+        return rover.of(sigma=share_of_base(rover, size), sigma_form=form)
+
+    return apply
+
+
+def _tyres() -> list[Law]:
+    names = ("Fiala", "Magic Formula", "tanh", "Dugoff", "arctangent", "exponential")
+    laws = [
+        Law("tyre_saturation", name, "tyre", 0.3, 1.1, _tyre(k + 1), "-", _friction, own=name == "tanh")
+        for k, name in enumerate(names)
+    ]
+    laws += [
+        Law("load_transfer", "parabola", "tyre", 0.3, 4.0, _load(1), own=True),
+        Law("load_transfer", "sin 2 atan", "tyre", 0.5, 3.0, _load(3)),
+        Law("front_rear_stiffness", "ratio", "axles", 0.22, 0.5, _ratio, value=_front_over_rear, own=True),
+        Law("tyre_relaxation", "both axles", "tyre", 0.2, 1.5, _relaxing(0.0), "m", share_of_base, own=True),
+        Law("tyre_relaxation", "front axle", "tyre", 0.3, 2.0, _relaxing(2.0), "m", share_of_base),
+    ]
+    return laws
+
+
+def _heading(rng: Generator) -> dict[str, float]:
+    return {"heading": float(rng.uniform(-3.14, 3.14))}
+
+
+def _slope(rover: Rover, size: float, extras: Extras) -> Rover:
+    return rover.of(slope=size, slope_heading=extras["heading"])
+
+
+def _wind(rover: Rover, size: float, extras: Extras) -> Rover:
+    base, h = rover.numbers.a + rover.numbers.b, rover.numbers.h
+    blown = rover.of(wind_x=extras["lever"] * base, wind_z=h)
+    return blown.amid(wind=size, wind_heading=extras["heading"], gusts=extras["gusts"])
+
+
+def _blowing(rng: Generator) -> dict[str, float]:
+    return _heading(rng) | {"lever": float(rng.uniform(-0.1, 0.15)), "gusts": float(rng.choice([0.0, 0.2]))}
+
+
+def _dry(form: int) -> Applied:
+    def apply(rover: Rover, size: float, _extras: Extras) -> Rover:
+        return rover.of(friction=_moment(rover, size), friction_form=form)
+
+    return apply
+
+
+def _moment(rover: Rover, size: float) -> float:
+    return size * rover.numbers.ms * rover.numbers.h * peak_ay(rover)
+
+
+def _damped(rover: Rover, size: float, _extras: Extras) -> Rover:
+    return rover.of(yaw_c=_damping(rover, size))
+
+
+def _locked(rover: Rover, size: float, _extras: Extras) -> Rover:
+    return rover.of(diff_c=2 * size * turning_stiffness(rover) / rover.numbers.track**2)
+
+
+def _damping(rover: Rover, size: float) -> float:
+    return size * turning_stiffness(rover) / rover.speed
+
+
+def _body() -> list[Law]:
+    laws = [
+        Law("suspension_friction", form, "roll", 0.05, 0.7, _dry(k), "N m", _moment, own=k == 0)
+        for k, form in enumerate(("tanh", "Stribeck", "soft"))
+    ]
+    return [
+        *laws,
+        Law(
+            "roll_steer",
+            "front axle",
+            "roll",
+            0.15,
+            1.0,
+            lambda r, s, e: r.of(roll_steer_front=e["sign"] * s),
+            "rad/rad",
+            extras=a_sign,
+            own=True,
+        ),
+        Law(
+            "roll_steer",
+            "rear axle",
+            "roll",
+            0.15,
+            1.0,
+            lambda r, s, e: r.of(roll_steer_rear=e["sign"] * s),
+            "rad/rad",
+            extras=a_sign,
+        ),
+        Law("yaw_damping", "moment", "yaw", 0.1, 1.2, _damped, "N m s/rad", _damping, own=True),
+        Law("yaw_damping", "locked wheels", "yaw", 0.1, 1.2, _locked, "N m s/rad", _damping),
+        Law("cross_slope", "plane", "ground", 0.025, 0.13, _slope, "rad", extras=_heading, own=True),
+        Law("side_wind", "force by heading", "ground", 0.25, 1.5, _wind, "m/s^2", extras=_blowing, own=True),
+    ]
+
+
+def _instant(rng: Generator) -> dict[str, float]:
+    return {"run": float(rng.choice([1.0, 2.0, 3.0])), "at": float(rng.uniform(12.0, 45.0))}
+
+
+def _surface(form: str) -> Applied:
+    def apply(rover: Rover, size: float, extras: Extras) -> Rover:
+        where = {"run": int(extras["run"]), "at": extras["at"]} if extras else {}
+        return rover.amid(surface=1 - size, surface_form=form, **where)
+
+    return apply
+
+
+def _later(rng: Generator) -> dict[str, float]:
+    return {"run": float(rng.choice([2.0, 3.0])), "at": 0.0}
+
+
+def _kept(_rover: Rover, size: float) -> float:
+    return 1 - size
+
+
+def _surfaces() -> list[Law]:
+    rows = (
+        ("instant", _instant),
+        ("ramp", _instant),
+        ("later runs", _later),
+        ("one run", _later),
+        ("drift", None),
+    )
+    return [
+        Law("surface_change", form, "ground", 0.12, 0.45, _surface(form), "-", _kept, own=form == "instant")
+        if draw is None
+        else Law(
+            "surface_change", form, "ground", 0.12, 0.45, _surface(form), "-", _kept, draw, form == "instant"
+        )
+        for form, draw in rows
+    ]
+
+
+VEHICLE: tuple[Law, ...] = (*_tyres(), *_body(), *_surfaces())
+
+
+# ---- Laws of the list in the instruments.
+
+
+def _tilt(about: int) -> Applied:
+    def apply(rover: Rover, size: float, extras: Extras) -> Rover:
+        angles = list(rover.instruments.tilt)
+        angles[about] += extras["sign"] * size
+        return rover.sensing(tilt=tuple(angles))
+
+    return apply
+
+
+def _forward(rover: Rover, size: float, extras: Extras) -> Rover:
+    return rover.sensing(imu_x=rover.instruments.imu_x + extras["sign"] * share_of_base(rover, size))
+
+
+def _up(rover: Rover, size: float, extras: Extras) -> Rover:
+    return rover.sensing(imu_z=rover.instruments.imu_z + extras["sign"] * share_of_base(rover, size))
+
+
+def _sensors() -> list[Law]:
+    laws = [
+        Law("imu_tilt", axis, "imu", 0.06, 0.2, _tilt(k), "rad", extras=a_sign, own=True, absolute=k == 0)
+        for k, axis in enumerate(("roll", "pitch"))
+    ]
+    laws += [
+        Law(
+            "sensor_filter",
+            f"gyros {form}",
+            "imu",
+            0.02,
+            0.12,
+            _gyro_lag(form),
+            "s",
+            own=form == "second order",
+        )
+        for form in ("second order", "first order", "delay")
+    ]
+    return [
+        *laws,
+        Law(
+            "sensor_filter",
+            "accelerometer first order",
+            "imu",
+            0.02,
+            0.12,
+            lambda r, s, e: r.sensing(accel_lag=s),
+            "s",
+        ),
+        Law(
+            "sensor_scale",
+            "gyros",
+            "imu",
+            0.06,
+            0.35,
+            lambda r, s, e: r.sensing(gyro_scale=1 + e["sign"] * s),
+            extras=a_sign,
+            own=True,
+        ),
+        Law(
+            "sensor_scale",
+            "accelerometer",
+            "imu",
+            0.06,
+            0.35,
+            lambda r, s, e: r.sensing(accel_scale=1 + e["sign"] * s),
+            extras=a_sign,
+        ),
+        Law("imu_offset", "forward", "imu", 0.06, 0.5, _forward, "m", share_of_base, extras=a_sign, own=True),
+        Law("imu_offset", "up", "imu", 0.06, 0.4, _up, "m", share_of_base, extras=a_sign, own=True),
+        Law(
+            "velocity_lag",
+            "first order",
+            "ekf",
+            0.03,
+            0.3,
+            lambda r, s, e: r.sensing(velocity_lag=s),
+            "s",
+            own=True,
+        ),
+        Law(
+            "velocity_lag",
+            "delay",
+            "ekf",
+            0.03,
+            0.3,
+            lambda r, s, e: r.sensing(velocity_lag=s, velocity_form="delay"),
+            "s",
+        ),
+    ]
+
+
+def _gyro_lag(form: str) -> Applied:
+    def apply(rover: Rover, size: float, _extras: Extras) -> Rover:
+        return rover.sensing(gyro_lag=size, gyro_form=form)
+
+    return apply
+
+
+SENSORS: tuple[Law, ...] = tuple(_sensors())
+LISTED: tuple[Law, ...] = (*STEERING, *VEHICLE, *SENSORS)
