@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from rover_sweep.api.save import holds
+from rover_sweep.data.controller_log import ControllerLog
 from rover_sweep.data.vehicle_file import load as load_vehicle
-from rover_sweep.errors import UsageError
+from rover_sweep.errors import DataRefused, UsageError
 from rover_sweep.files.documents import read_json
+from rover_sweep.gains.check import SpeedCheck, SteeringCheck, check_speed, check_steering
 from rover_sweep.gains.identified import PHYSICAL, Identified, from_diagnosis, from_identification
 from rover_sweep.gains.proposal import Proposal, propose_gains
 from rover_sweep.gains.steering_chain import autopilot
+from rover_sweep.logs.controllers import read_controllers
 
 LOGS = (".bin", ".log", ".tlog")
 
@@ -38,9 +41,7 @@ def steering_gains(
         raise UsageError(
             f"--model {name}: gains need a model that is valid at other speeds: {', '.join(PHYSICAL)}"
         )
-    found = read_identified(place, name)
-    if vehicle_file:
-        found = replace(found, rad_per_us=load_vehicle(vehicle_file).steering()[1])
+    found = read_identified(place, name, vehicle_file)
     known = (("INS_GYRO_FILTER", found.gyro_hz), ("SCHED_LOOP_RATE", found.loop_hz))
     try:
         loop = autopilot(current, {name: value for name, value in known if value is not None})
@@ -52,9 +53,48 @@ def steering_gains(
         raise UsageError(f"no loop can be computed: {error}") from None
 
 
-def read_identified(place: Path, name: str | None) -> Identified:
-    """The model of an identification.json, a saved result, a diagnosis, or a folder with one of them."""
-    path = _file(place)
+@dataclass(frozen=True, eq=False)
+class CheckedGains:
+    """The checks of one log, or of two: before and after. speed: none if its controller was not logged."""
+
+    steering: tuple[SteeringCheck, ...]
+    speed: tuple[SpeedCheck, ...]
+
+
+def check_gains(logs: Sequence[Path], found: Identified | None = None) -> CheckedGains:
+    """How the present gains do in the logs (.BIN, .tlog) of one drive, or of one before and one after.
+
+    A log in which the gains were changed is both: its first and its last set of gains. found: an identified
+    model, which predicts the drives. UsageError for more than two logs, DataRefused for one without the
+    controller's messages or without driving.
+    """
+    if not 1 <= len(logs) <= 2:
+        raise UsageError("--check takes one log, or two: before and after")
+    read = [read_controllers(path) for path in logs]
+    steering = [log for each in read for log in (each.steering if len(read) == 1 else each.steering[-1:])]
+    speed = [log for each in read for log in (each.speed if len(read) == 1 else each.speed[-1:])]
+    try:
+        checked = [check_steering(log, found) for log in _ends(steering)]
+    except ValueError as error:
+        raise DataRefused(str(error)) from None
+    of_speed = (check_speed(log) for log in _ends(speed))
+    return CheckedGains(tuple(checked), tuple(check for check in of_speed if check is not None))
+
+
+def _ends(logs: Sequence[ControllerLog]) -> Sequence[ControllerLog]:
+    return logs if len(logs) < 3 else (logs[0], logs[-1])
+
+
+def read_identified(place: Path, name: str | None, vehicle_file: str | None = None) -> Identified:
+    """The model of an identification.json, a saved result, a diagnosis, or a folder with one of them; with
+    rad_per_us of the vehicle file, if one is given."""
+    found = _identified(_file(place), name)
+    if vehicle_file:
+        return replace(found, rad_per_us=load_vehicle(vehicle_file).steering()[1])
+    return found
+
+
+def _identified(path: Path, name: str | None) -> Identified:
     document = _json(path)
     try:
         if document.get("format") == "rover-sweep identification":

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, is_dataclass
 from typing import Any
 
+from rover_sweep.gains.check import SpeedCheck, SteeringCheck
 from rover_sweep.gains.proposal import AssessedGains, Proposal, SteeringLimits
 from rover_sweep.gains.speed_proposal import AssessedSpeed, SpeedProposal
 
@@ -289,3 +290,40 @@ def _speed_reasons(proposal: SpeedProposal, judged: AssessedSpeed) -> dict[str, 
         "ATC_SPEED_D": "would mainly pass the noise of the speed to the motor",
         "ATC_ACCEL_MAX": "three quarters of what drive and drag can do at these speeds",
     }
+
+
+# The checks of logged drives as plain data for JSON.
+
+
+def check_document(steering: Sequence[SteeringCheck], speed: Sequence[SpeedCheck]) -> dict[str, Any]:
+    """The checks of one log or of two; turn rates in rad/s, speeds in m/s, null for an unknown number."""
+    kept = ("achieved", "response", "oscillation", "findings")
+    logs = [
+        {
+            "log": check.log.name,
+            "speed_m_s": check.speed,
+            "gains": check.autopilot.gains.parameters,
+            **{name: _plain(getattr(check, name)) for name in (*kept, "limits", "predicted", "after")},
+            "feed_forward": dict(zip(("value", "low", "high"), check.feed_forward or (), strict=False)),
+            "not_checked": list(check.skipped),
+        }
+        for check in steering
+    ]
+    speeds = [
+        {
+            "log": check.log.name,
+            **{name: _plain(getattr(check, name)) for name in ("achieved", "oscillation", "findings")},
+            "cruise_throttle_percent": dict(zip(("value", "low", "high"), check.cruise or (), strict=False)),
+        }
+        for check in speed
+    ]
+    return _finite(
+        {"format": "rover-sweep gains check", "format_version": 1, "steering": logs, "speed": speeds}
+    )
+
+
+def _plain(value: Any) -> Any:
+    """A frozen value, several of them or None as plain data."""
+    if isinstance(value, tuple):
+        return [_plain(each) for each in value]
+    return asdict(value) if is_dataclass(value) and not isinstance(value, type) else value

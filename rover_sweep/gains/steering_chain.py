@@ -152,9 +152,13 @@ class Autopilot:
 
     def rate_limit(self, speed: float) -> float:
         """Largest target turn rate [rad/s] that the firmware allows at a speed [m/s]."""
-        by_force = self.lateral_g_max * STANDARD_GRAVITY / max(abs(speed), LEAST_SPEED)
-        by_force = max(by_force, math.radians(1.0))
+        by_force = self.force_limit(speed)
         return min(by_force, self.rate_max) if self.rate_max > 0 else by_force
+
+    def force_limit(self, speed: float) -> float:
+        """That of ATC_TURN_MAX_G alone."""
+        by_force = self.lateral_g_max * STANDARD_GRAVITY / max(abs(speed), LEAST_SPEED)
+        return max(by_force, math.radians(1.0))
 
     def angle_per_output(self, rad_per_us: float) -> float:
         """Road-wheel angle [rad, positive right] per output of 1 after the speed scale, mean of both sides.

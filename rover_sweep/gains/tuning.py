@@ -157,6 +157,12 @@ def feed_forward(family: Family, plant: SampledPlant | None = None) -> float:
     return 1.0 / (plant.gain * family.angle_per_output[0] * family.autopilot.speed_scale(plant.speed))
 
 
+def beside_integrator(right: float, i: Array, lag: float) -> Array:
+    """FF (n,) for integrators (n,), less what they supply while a turn builds up. right: FF of a steady turn;
+    lag [s]: of rover and loop."""
+    return np.asarray(np.maximum(right - FF_REDUCTION * i * lag, (1 - MOST_FF_REDUCTION) * right))
+
+
 def bound(name: str, now: float) -> float:
     """The largest value to which a proposal raises a parameter from its present one: `MOST_CHANGE` times
     that, or the firmware's default where that is more (from 0 there is no factor)."""
@@ -200,8 +206,7 @@ def _best_pair(family: Family, shared: Gains, most: Gains) -> tuple[Gains, float
     p, i = _robust_pairs(family, shared, most)
     if p.size == 0:
         return None
-    ff = np.maximum(right - FF_REDUCTION * i * family.lag, (1 - MOST_FF_REDUCTION) * right)
-    ff = np.minimum(ff, most.ff)
+    ff = np.minimum(beside_integrator(right, i, family.lag), most.ff)
     damped = overshoots(family, shared, p, i, ff) <= MOST_OVERSHOOT
     if not damped.any():
         return None

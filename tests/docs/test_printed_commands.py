@@ -19,6 +19,7 @@ from printed_pages import PAGES, ROOT, printed
 
 VEHICLE = "needs a vehicle at URL"
 NETWORK = "installs from the network; continuous integration runs the line of README"
+DRIVES = "needs drives in ACRO or AUTO; tests/gains reads recorded ones"
 INSTALLED = "the tools of a developer on the checkout; tests/house runs the linters"
 # The beginning of a command that is not run, why not, and a command that makes its output instead.
 NOT_RUN = {
@@ -35,6 +36,8 @@ NOT_RUN = {
     "rover-sweep run --connect URL --vehicle rover.toml --throttle-sweep": (VEHICLE, ""),
     "rover-sweep gains speed/report": ("needs the throttle sweep of a vehicle", ""),
     "rover-sweep gains today/report --connect URL": (VEHICLE, ""),
+    "rover-sweep gains --check": (DRIVES, ""),
+    "rover-sweep gains today/report --check": (DRIVES, ""),
     "rover-sweep bench": (VEHICLE, ""),
     "rover-sweep batch logs/": ("needs the logs of a season; the page's other call is run", ""),
     "python -m sitl.embedded": ("serves until it is stopped; tests/tui and tests/cli connect to it", ""),

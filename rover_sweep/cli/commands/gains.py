@@ -21,7 +21,7 @@ from rover_sweep.cli.vehicle_link import ACCESS
 from rover_sweep.errors import LinkError, UsageError
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
     from rover_sweep.api.speed import AllGains
     from rover_sweep.vehicle.link.connection import Access
@@ -30,7 +30,13 @@ if TYPE_CHECKING:
 @click.command(short_help="Compute steering and speed gains for the autopilot from identified models.")
 @options
 def gains(
-    place: str = argument("IDENTIFICATION|DIAGNOSIS|FOLDER", type=click.Path()),
+    place: str | None = argument("IDENTIFICATION|DIAGNOSIS|FOLDER", type=click.Path(), required=False),
+    check: tuple[str, ...] = option(
+        "Check the gains in a log of a drive in ACRO or AUTO; twice: before and after.",
+        FILE,
+        "LOG",
+        multiple=True,
+    ),
     speed: float | None = option("Design speed. [default: that of the runs]", NumberRange(0.1, 50), "M/S"),
     model: str | None = option(
         "roll-yaw, bicycle or kinematic. [default: the recommended one]", None, "NAME"
@@ -63,12 +69,25 @@ def gains(
     \b
     rover-sweep gains report --now log.BIN --speed 2.5 --out gains.param
 
+    With --check the command reads how the vehicle followed its target in a log with PIDS messages (.BIN) or
+    PID_TUNING (.tlog): error, lag, overshoot, the limits that were reached, whether FF is too low or too high
+    and whether the loop oscillates; and one parameter to change next. With an identification it also
+    predicts the same drive.
+
+    \b
+    rover-sweep gains report --check before.BIN --check after.BIN
+
     Nothing is changed on a vehicle. Load the file with a ground station, and test it first with the wheels
     off the ground; load undo-gains.param to undo it.
     """
     from rover_sweep.api.speed import all_gains
     from rover_sweep.cli.views.output import echo_json, narration, results
 
+    if check:
+        _check(check, place, model, vehicle, as_json)
+        return
+    if place is None:
+        raise UsageError("give the report of identify, run or diagnose; or --check LOG to check a drive")
     if out is not None:
         for written in (out, str(_undo_of(Path(out)))):
             refuse_input(written, place, now, vehicle)
@@ -90,6 +109,24 @@ def gains(
         narration().print("next: write them to a file with --out gains.param", soft_wrap=True)
     if out is not None:
         narration().print(_write(both, Path(out), now), soft_wrap=True)
+
+
+def _check(
+    logs: Sequence[str], place: str | None, model: str | None, vehicle: str | None, as_json: bool
+) -> None:
+    """Print the checks of one log or of two."""
+    from rover_sweep.api.gains import check_gains, read_identified
+    from rover_sweep.cli.views.output import echo_json, results
+    from rover_sweep.gains.gains_json import check_document
+    from rover_sweep.report.gains_check_report import check_report
+    from rover_sweep.report.on_terminal import on_terminal
+
+    found = read_identified(Path(place), model, vehicle) if place else None
+    checked = check_gains([Path(log) for log in logs], found)
+    if as_json:
+        echo_json(json.dumps(check_document(checked.steering, checked.speed), indent=2))
+    else:
+        results().print(on_terminal(check_report(checked.steering, checked.speed)))
 
 
 def _current_parameters(now: str | None, url: str | None, access: Access) -> Mapping[str, float]:

@@ -50,7 +50,7 @@ def read_dataflash(path: Path, filters: Mapping[str, float] | None = None) -> tu
     DataRefused for a file that is empty, not a log, or damaged.
     """
     parts = open_parts(path)
-    _refuse_damage(path, parts)
+    refuse_damage(path, parts)
     parts = tuple(part for part in parts if _holds_messages(part))
     names = [path.stem if len(parts) == 1 else f"{path.stem} log {i + 1}" for i in range(len(parts))]
     source = source_of(path)
@@ -65,7 +65,7 @@ def _log(name: str, flash: DataFlash, filters: Mapping[str, float] | None, sourc
     accel, raw_accel = _accel(flash, parameters)
     raw = frozenset(("r", "p") if raw_gyro else ()) | frozenset(("ay",) if raw_accel else ())
     known, notes = sensor_filters(parameters, filters, raw)
-    signals = gyro | accel | _attitude(flash) | _velocity(flash)
+    signals = gyro | accel | _attitude(flash) | velocity(flash)
     channel = output_channel(parameters, STEERING) or 1
     coarse = _output(flash, channel)
     throttle = _output(flash, output_channel(parameters, THROTTLE) or 3)
@@ -102,7 +102,7 @@ def logged_parameters(flash: DataFlash) -> list[tuple[float, str, float]]:
     return [logged for logged in named if math.isfinite(logged[2])]
 
 
-def _refuse_damage(path: Path, parts: tuple[DataFlash, ...]) -> None:
+def refuse_damage(path: Path, parts: tuple[DataFlash, ...]) -> None:
     size = sum(part.data.size for part in parts)
     if size == 0:
         raise DataRefused(f"{path.name} is empty (0 bytes): download the log from the vehicle again")
@@ -241,7 +241,7 @@ def _attitude(flash: DataFlash) -> dict[str, Signal]:
     return found | {"psi": Signal(psi.t, np.unwrap(psi.x), "rad", psi.source)}
 
 
-def _velocity(flash: DataFlash) -> dict[str, Signal]:
+def velocity(flash: DataFlash) -> dict[str, Signal]:
     """speed and vy [m/s] from the EKF's velocity and yaw; without EKF, speed from GPS."""
     for name in ("XKF1", "NKF1", "EKF1"):
         if flash.has(name, "VN", "VE", "Yaw"):

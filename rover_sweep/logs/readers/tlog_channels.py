@@ -165,8 +165,8 @@ def _log(
     filters, notes = sensor_filters(parameters, override)
     clocks = {n: session.seconds(n) for n in (*CLOCKS, "SERVO_OUTPUT_RAW") if n in session.messages}
     refuse_disorder(name, clocks)
-    attitude = _attitude(session)
-    signals = _imu(session) | attitude | _velocity(session, attitude.get("psi"))
+    attitudes = attitude(session)
+    signals = _imu(session) | attitudes | ground_velocity(session, attitudes.get("psi"))
     recorded = output_channel(parameters, STEERING)
     steering = _output(session, recorded or STEERING_FIRST)
     throttle = _output(session, output_channel(parameters, THROTTLE) or 3)
@@ -245,7 +245,7 @@ def _imu(session: BootMessages) -> dict[str, Signal]:
     return found
 
 
-def _attitude(session: BootMessages) -> dict[str, Signal]:
+def attitude(session: BootMessages) -> dict[str, Signal]:
     """phi and psi [rad]; psi unwrapped, left positive."""
     if "ATTITUDE" not in session.messages:
         return {}
@@ -254,7 +254,7 @@ def _attitude(session: BootMessages) -> dict[str, Signal]:
     return found | {"psi": Signal(psi.t, np.unwrap(psi.x), "rad", psi.source)}
 
 
-def _velocity(session: BootMessages, psi: Signal | None) -> dict[str, Signal]:
+def ground_velocity(session: BootMessages, psi: Signal | None) -> dict[str, Signal]:
     """speed and vy [m/s] from the velocity north and east; else speed from VFR_HUD."""
     local, world = _count(session, "LOCAL_POSITION_NED"), _count(session, "GLOBAL_POSITION_INT")
     if psi is not None and max(local, world) > 1:

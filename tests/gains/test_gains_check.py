@@ -1,0 +1,161 @@
+"""`gains --check`: what it finds in drives with wrong gains and limits, and in well tuned ones."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from acro_drive import FULL
+
+from rover_sweep.cli.main import run
+from rover_sweep.data.controller_log import ControllerLog
+from rover_sweep.data.recording import Array
+from rover_sweep.gains.check import SteeringCheck, check_speed, check_steering
+from rover_sweep.gains.controller import simulate_loop
+from rover_sweep.gains.proposal import Proposal, family_of
+from rover_sweep.gains.steering_chain import DEFAULTS, Gains, autopilot
+from rover_sweep.logs.controllers import read_controllers
+
+DATA = Path(__file__).parents[1] / "data"
+CHANGED = DATA / "gains" / "ardurover-4.6.3" / "acro.BIN"
+"""A drive with the firmware's defaults, then with the proposal, in one log."""
+SPEED, NOISE = 2.5, 0.005  # m/s, rad/s
+SLOPE = 0.01  # rad at the wheels, slowly changing
+
+
+def driven(
+    proposal: Proposal, gains: Gains, speed: float = SPEED, slope: float = SLOPE, **parameters: float
+) -> ControllerLog:
+    """The log of a simulated drive of the profile on the identified model."""
+    known = {
+        **DEFAULTS,
+        **{"SCHED_LOOP_RATE": 100.0, "INS_GYRO_FILTER": 20.0},
+        **gains.parameters,
+        **parameters,
+    }
+    loop = autopilot(known)
+    family = family_of(replace(proposal.found, intervals={}), loop, abs(speed))
+    t = np.arange(0.0, FULL.length, loop.period)
+    wanted = np.array([FULL.rate(x) for x in t])
+    pushed = slope * np.sin(2 * np.pi * 0.1 * t)
+    p, i, ff = (np.array([g]) for g in (gains.p, gains.i, gains.ff))
+    drive = simulate_loop(loop, family.nominal, family.angle_per_output[0], wanted, p, i, ff, gains, pushed)
+    rate = drive.rate[:, 0] + NOISE * np.random.default_rng(1).standard_normal(t.size)
+    fed, fast = drive.target * gains.ff, (drive.target - rate) * gains.p
+    rest = drive.steering[:, 0] / loop.speed_scale(speed) - fed - fast
+    still = np.zeros(t.size)
+    return ControllerLog("drive", t, drive.target, rate, fast, rest, still, fed, still + speed, known)
+
+
+def found(check: SteeringCheck) -> list[tuple[str, str]]:
+    return [(f.name, f.parameter) for f in check.findings]
+
+
+@pytest.fixture(scope="module")
+def tuned(proposal: Proposal) -> Gains:
+    assert proposal.proposed is not None
+    return proposal.proposed.gains
+
+
+def test_nothing_is_found_in_a_well_tuned_loop(proposal: Proposal, tuned: Gains):
+    check = check_steering(driven(proposal, tuned), proposal.found)
+    assert not check.findings and not check.skipped
+    assert check.predicted is not None and check.after is None
+    assert check.predicted.rms == pytest.approx(check.achieved.rms, rel=0.25)
+    assert check.predicted.lag == pytest.approx(check.achieved.lag, abs=0.03)
+    assert check.predicted.overshoot == pytest.approx(check.achieved.overshoot, abs=4.0)
+
+
+@pytest.mark.parametrize(("factor", "name"), [(0.5, "FF too low"), (2.0, "FF too high")])
+@pytest.mark.parametrize("speed", [SPEED, 1.8, -SPEED])
+def test_half_and_double_feed_forward_are_found(
+    proposal: Proposal, tuned: Gains, factor: float, name: str, speed: float
+):
+    """In reverse too: a negative speed is a speed."""
+    check = check_steering(driven(proposal, replace(tuned, ff=factor * tuned.ff), speed))
+    assert found(check) == [(name, "ATC_STR_RAT_FF")]
+    assert check.speed == pytest.approx(speed)
+    assert check.feed_forward is not None
+    value, low, high = check.feed_forward
+    assert low < value < high and high - low < 0.2 * value
+    right = check.findings[0].value
+    assert right == pytest.approx(tuned.ff, rel=0.15), "the change leads back to the design"
+    assert check.after is not None and check.after.rms < check.achieved.rms
+
+
+def test_an_oscillating_p_is_halved(proposal: Proposal, tuned: Gains):
+    too_much = 1.1 * tuned.p * 10 ** (proposal.proposed.margins.gain_db / 20)
+    check = check_steering(driven(proposal, replace(tuned, p=too_much)))
+    assert found(check)[0] == ("oscillates", "ATC_STR_RAT_P")
+    assert check.findings[0].value == pytest.approx(too_much / 2, rel=0.01)
+    assert check.oscillation is not None
+    crossing = proposal.proposed.margins.phase_crossover / (2 * math.pi)
+    assert check.oscillation.hz == pytest.approx(crossing, rel=0.3)
+    assert check.after is not None and check.after.rms < check.achieved.rms / 2
+
+
+@pytest.mark.parametrize(
+    ("name", "value"), [("ATC_STR_RAT_MAX", 20.0), ("ATC_TURN_MAX_G", 0.1), ("ATC_STR_ACC_MAX", 20.0)]
+)
+def test_a_limit_that_is_hit_is_named(proposal: Proposal, tuned: Gains, name: str, value: float):
+    check = check_steering(driven(proposal, tuned, **{name: value}))
+    assert found(check) == [("limit hit", name)]
+    assert value < check.findings[0].value <= 2 * value
+    assert next(limit for limit in check.limits if limit.parameter == name).seconds > 15
+
+
+def test_a_drive_without_turns_is_not_judged(proposal: Proposal, tuned: Gains):
+    log = driven(proposal, tuned)
+    straight = replace(log, target=0.01 * log.target, actual=0.01 * log.actual)
+    check = check_steering(straight)
+    assert not check.findings and "too little to judge" in check.skipped[0]
+
+
+def test_a_base_throttle_that_does_not_hold_the_speed_is_found():
+    """CRUISE_THROTTLE 30 %, where 50 % hold the speed: the integrator supplies the rest."""
+    t = np.arange(0.0, 60.0, 0.02)
+    target = np.where(t % 20 < 10, 2.0, 2.5)
+    actual: Array = target - 0.3 * np.exp(-(t % 10) / 0.8)
+    base = 0.3 * target / 2.0
+    known = {"CRUISE_SPEED": 2.0, "CRUISE_THROTTLE": 30.0, "ATC_SPEED_P": 0.2, "ATC_SPEED_I": 0.2}
+    still = np.zeros(t.size)
+    log = ControllerLog(
+        "drive", t, target, actual, still, 0.5 * actual / 2.0 - base, still, base, actual, known
+    )
+    check = check_speed(log)
+    assert check is not None and check.cruise is not None
+    assert [(f.parameter, f.value) for f in check.findings] == [("CRUISE_THROTTLE", 50)]
+    assert not check_speed(replace(log, parameters={**known, "CRUISE_THROTTLE": 50.0})).findings
+
+
+def test_a_log_with_changed_gains_is_before_and_after(capsys: pytest.CaptureFixture[str]):
+    """Recorded on ArduRover 4.6.3: the defaults, then the proposal."""
+    assert run(["gains", "--check", str(CHANGED), "--json"]) == 0
+    before, after = json.loads(capsys.readouterr().out)["steering"]
+    assert [f["name"] for f in before["findings"]] == ["FF too low"] and not after["findings"]
+    assert before["gains"]["ATC_STR_RAT_FF"] == pytest.approx(0.2)
+    assert after["feed_forward"]["low"] < 1.05 < after["feed_forward"]["high"]
+    assert after["achieved"]["overshoot"] == pytest.approx(7.8, abs=1.0)
+    assert run(["gains", "--check", str(CHANGED)]) == 0
+    said = capsys.readouterr().out
+    assert "Nothing to change." in said and "4.9 times smaller after than before" in said
+
+
+def test_the_parts_of_a_log_have_constant_gains():
+    first, second = read_controllers(CHANGED).steering
+    assert first.t[-1] < second.t[0]
+    for log in (first, second):
+        assert np.allclose(log.ff, log.parameters["ATC_STR_RAT_FF"] * log.target, atol=1e-4)
+
+
+@pytest.mark.parametrize(("name", "words"), [("run1.BIN", "LOG_BITMASK"), ("run1.tlog", "GCS_PID_MASK to 3")])
+def test_a_log_without_the_controller_says_how_to_log_it(
+    name: str, words: str, capsys: pytest.CaptureFixture[str]
+):
+    assert run(["gains", "--check", str(DATA / "ardurover-4.6.3" / "nominal" / name)]) == 3
+    said = capsys.readouterr().err
+    assert words in said and "ACRO or AUTO" in said and said.count("\n") == 1
