@@ -1,0 +1,107 @@
+"""What a run that the laptop drives needs before it arms; and the time after which its overrides lapse."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from unittest import mock
+
+import pytest
+from fake_vehicle import THROTTLE, FakeVehicle, wait_until
+from pymavlink.dialects.v20 import ardupilotmega as m
+
+from rover_sweep.errors import RoverSweepError
+from rover_sweep.manoeuvre.sweep import Doublet
+from rover_sweep.vehicle.events import Armed, Event
+from rover_sweep.vehicle.link.inbox import LinkQuality
+from rover_sweep.vehicle.link.link import Link
+from rover_sweep.vehicle.run.controls import RunSettings
+from rover_sweep.vehicle.run.one_run import one_run
+
+DRIVE = RunSettings(arm=True, throttle_us=1710, trigger="override", patience=20)
+
+
+@pytest.fixture(autouse=True)
+def short_timeout(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("rover_sweep.vehicle.parameters._TIMEOUT", 0.2)
+
+
+def run(link: Link, tmp_path: Path) -> Iterator[Event]:
+    return one_run(link, Doublet(), "doublet", tmp_path / "doublet.tlog", DRIVE)
+
+
+def parameter(name: str, value: float) -> Callable[[FakeVehicle], None]:
+    return lambda vehicle: vehicle.parameters.update({name: value})
+
+
+def dead_applet(vehicle: FakeVehicle) -> None:
+    vehicle.drop = lambda message: message.get_type() == "NAMED_VALUE_FLOAT"
+
+
+def in_a_run(vehicle: FakeVehicle) -> None:
+    vehicle._applet = lambda: None  # type: ignore[method-assign]
+    vehicle._state = 6
+
+
+def without_speed(vehicle: FakeVehicle) -> None:
+    vehicle.drop = lambda message: message.get_type() == "LOCAL_POSITION_NED"
+
+
+def rolling(vehicle: FakeVehicle) -> None:
+    def told() -> None:
+        vehicle._send(m.MAVLink_local_position_ned_message(int(vehicle.now * 1000), 0, 0, 0, 0.8, 0, 0))
+
+    without_speed(vehicle)
+    send = vehicle.drop
+    vehicle._applet = told  # type: ignore[method-assign]
+    vehicle.drop = lambda message: send(message) and message.vx != pytest.approx(0.8)
+
+
+@pytest.mark.parametrize(
+    ("happen", "said"),
+    [
+        (parameter("FS_THR_ENABLE", 0.0), "would not detect the loss of the safety pilot's transmitter"),
+        (parameter("RC_OVERRIDE_TIME", 0.0), "accepts no throttle or switch from a ground station"),
+        (dead_applet, "does not report its state"),
+        (in_a_run, "the applet is already in a run .*; throw its switch low"),
+        (without_speed, "does not send its speed"),
+        (rolling, "the rover moves at 0.8 m/s; it must be at rest"),
+    ],
+    ids=lambda value: getattr(value, "__name__", None),
+)
+def test_a_rover_that_is_not_ready_is_not_armed(
+    link: Link, vehicle: FakeVehicle, tmp_path: Path, happen: Callable[[FakeVehicle], None], said: str
+) -> None:
+    happen(vehicle)
+    with pytest.raises(RoverSweepError, match=said):
+        list(run(link, tmp_path))
+    assert not vehicle.armed_ever and vehicle.rc(THROTTLE) == 1500
+
+
+@pytest.mark.parametrize(
+    ("quality", "said"),
+    [
+        (LinkQuality(seconds=10.0, frames=100, lost=0.4), "the link loses 40% of the frames"),
+        (LinkQuality(seconds=10.0, frames=100, latency=1.5), "an answer takes 1.5 s"),
+    ],
+)
+def test_a_poor_link_is_not_driven_over(
+    link: Link, vehicle: FakeVehicle, tmp_path: Path, quality: LinkQuality, said: str
+) -> None:
+    with (
+        mock.patch.object(Link, "quality", quality),
+        pytest.raises(RoverSweepError, match=f"is not driven over this link: {said}"),
+    ):
+        list(run(link, tmp_path))
+    assert not vehicle.armed_ever
+
+
+def test_the_override_lapses_sooner_in_a_run_and_as_before_after_it(
+    link: Link, vehicle: FakeVehicle, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("rover_sweep.vehicle.parameters._HURRIED", float("inf"))  # its clock is a fast one
+    while_armed = [
+        vehicle.parameters["RC_OVERRIDE_TIME"] for e in run(link, tmp_path) if isinstance(e, Armed)
+    ]
+    assert while_armed == [1.0]
+    assert wait_until(lambda: vehicle.parameters["RC_OVERRIDE_TIME"] == 3.0)
