@@ -18,7 +18,7 @@ from rover_sweep.diagnosis.simulation.augmented import AugmentedModel
 from rover_sweep.report.comparison.report import value_text
 from rover_sweep.report.export.plant_variant import ABSENT, BEND_ALIKE, LINEAR_TYRES, plant_effects
 from sitl.plant.effects_table import PARAMETERS
-from sitl.plant.variant import PlantParameters
+from sitl.plant.variant import PlantParameters, unit_of
 
 Entry = Mapping[str, float | str]
 Changes = dict[str, object]  # {field of PlantParameters: new value}
@@ -59,7 +59,14 @@ def corrected(rover: PlantParameters, found: Comparison, model: AugmentedModel) 
         if d.name in NOT_IN_THE_PLANT:
             left.append(f"the simulated rover cannot have {NOT_IN_THE_PLANT[d.name]}: {d.sentence}")
             continue
-        changed = _with_number(rover, d) if d.name in _NUMBERS else _with_effect(rover, d, model)
+        if d.name in _NUMBERS:
+            try:
+                numbers = _NUMBERS[d.name](rover, _change(rover, d))
+                changed: PlantParameters | None = replace(rover, **numbers)  # type: ignore[arg-type]
+            except ValueError:  # the new number is impossible beside the others
+                changed = None
+        else:
+            changed = _with_effect(rover, d, model)
         if changed is None:
             left.append(f"this simulated rover has no such entry: {d.sentence}")
             continue
@@ -101,30 +108,23 @@ def _between(one: Any, two: Any) -> Any:
 
 def _entries(before: PlantParameters, after: PlantParameters, d: Difference) -> Iterator[Correction]:
     """What changed, entry by entry."""
-    shown = value_text(d.recordings[0]) if len(d.recordings) == 1 else _each(d)
+    shown = value_text(d.recordings[0])
+    if len(d.recordings) > 1:
+        shown = "; ".join(f"{v.name} {value_text(v)}" for v in d.recordings)
+    meaning = library()[d.name].title if d.name in library() else d.recordings[0].meaning
+    why = f"{meaning or d.name}: {WHY[d.kind]}"  # without the size: the table has the values
     for name in vars(after):
         one, two = getattr(before, name), getattr(after, name)
         if name != "effects" and one != two:
             yield Correction(
-                name,
-                number_text(one),
-                number_text(two),
-                _in_plant(name, two, d) or shown,
-                _why(d),
-                unit_of(name),
+                name, number_text(one), number_text(two), _in_plant(name, two, d) or shown, why, unit_of(name)
             )
     for name in {**before.effects, **after.effects}:
         one, two = before.effects.get(name), after.effects.get(name)
         if one != two:
             rules = PARAMETERS[name]
             units = ", ".join(rules[p].unit.strip() or "-" for p in two or one or {} if p in rules)
-            yield Correction(f"effects.{name}", _entry_text(one), _entry_text(two), shown, _why(d), units)
-
-
-def _why(d: Difference) -> str:
-    """What differed, without its size: the table of corrections has the values."""
-    meaning = library()[d.name].title if d.name in library() else d.recordings[0].meaning
-    return f"{meaning or d.name}: {WHY[d.kind]}"
+            yield Correction(f"effects.{name}", _entry_text(one), _entry_text(two), shown, why, units)
 
 
 def _in_plant(name: str, value: object, d: Difference) -> str:
@@ -147,35 +147,6 @@ def _in_plant(name: str, value: object, d: Difference) -> str:
     return value_text(replace(v, value=value, low=low, high=high))
 
 
-def _each(d: Difference) -> str:
-    return "; ".join(f"{v.name} {value_text(v)}" for v in d.recordings)
-
-
-UNITS = {
-    "mass sprung_mass": "kg",
-    "cg_to_front_axle cg_to_rear_axle cg_height_above_roll_centre road_length imu_position": "m",
-    "yaw_inertia roll_inertia roll_yaw_inertia": "kg m^2",
-    "roll_stiffness": "N m/rad",
-    "roll_damping": "N m s/rad",
-    "front_cornering_stiffness rear_cornering_stiffness": "N/rad",
-    "steering_trim_us throttle_trim_us throttle_deadband_us throttle_lost_us": "us",
-    "rad_per_us": "rad/us",
-    "steering_limit": "rad",
-    "servo_rate_limit gyro_bias": "rad/s",
-    "servo_lag servo_delay speed_lag throttle_delay velocity_lag gps_interval gps_lag": "s",
-    "speed_per_us": "m/s per us",
-    "drive_force_limit": "N",
-    "road_force": "N s/m",
-    "road_yaw_moment road_roll_moment": "N s",
-    "accel_bias": "m/s^2",
-}  # {numbers of a variant file: their unit}
-
-
-def unit_of(name: str) -> str:
-    """The unit of a number of a variant file, "-" for none."""
-    return next((unit for names, unit in UNITS.items() if name in names.split()), "-")
-
-
 def number_text(value: object) -> str:
     """A value of a variant file with four digits."""
     if isinstance(value, tuple):
@@ -196,13 +167,6 @@ def _change(rover: PlantParameters, d: Difference) -> float:
     if d.name == "tyre_bend" and one.low is not None and one.low > 0.0:
         return BEND_ALIKE / rover.friction**2 * (max(two.value, 0.0) / one.value - 1.0)
     return next(iter(d.change.values()))
-
-
-def _with_number(rover: PlantParameters, d: Difference) -> PlantParameters | None:
-    try:
-        return replace(rover, **_NUMBERS[d.name](rover, _change(rover, d)))  # type: ignore[arg-type]
-    except ValueError:  # the new number is impossible beside the others
-        return None
 
 
 def _times(*names: str) -> Callable[[PlantParameters, float], Changes]:

@@ -31,9 +31,9 @@ from rover_sweep.redrive.recorded_course import (
     on_the_clock,
     refuse_instant,
 )
-from rover_sweep.twin.correct import NOT_IN_THE_PLANT, Corrected, corrected, halved, number_text, unit_of
+from rover_sweep.twin.correct import NOT_IN_THE_PLANT, Corrected, corrected, halved, number_text
 from sitl.plant.effects_table import FORMS
-from sitl.plant.variant import PlantParameters, load_variant
+from sitl.plant.variant import PlantParameters, load_variant, unit_of
 from sitl.plant.variant_text import law_text, value_text
 from sitl.redrive.course import Course
 from sitl.redrive.open_loop import redrive
@@ -65,7 +65,13 @@ def with_measured(rover: PlantParameters, vehicle: Vehicle) -> tuple[PlantParame
     scaled = grown(rover, as_measured_size(rover, vehicle))
     new = as_measured(scaled, vehicle)
     changed = [f.name for f in fields(new) if getattr(rover, f.name) != getattr(new, f.name)]
-    return new, tuple(_entry(name, rover, scaled, new, vehicle) for name in changed)
+    entries = []
+    for name in changed:
+        before, after = number_text(getattr(rover, name)), number_text(getattr(new, name))
+        in_file = getattr(vehicle, name, None) is not None or getattr(scaled, name) != getattr(new, name)
+        shown, reason = (after, MEASURED) if in_file else ("", GROWN)
+        entries.append(Correction(name, before, after, shown, reason, unit_of(name)))
+    return new, tuple(entries)
 
 
 def measured_differences(vehicle: Vehicle, rover: PlantParameters) -> Known:
@@ -88,15 +94,6 @@ def measured_differences(vehicle: Vehicle, rover: PlantParameters) -> Known:
     if own.roll_inertia:
         out["ln_Ixx"] = (log(own.roll_inertia / rover.roll_inertia), spread.roll_inertia)
     return out
-
-
-def _entry(
-    name: str, rover: PlantParameters, scaled: PlantParameters, new: PlantParameters, vehicle: Vehicle
-) -> Correction:
-    before, after = number_text(getattr(rover, name)), number_text(getattr(new, name))
-    in_file = getattr(vehicle, name, None) is not None or getattr(scaled, name) != getattr(new, name)
-    reason = MEASURED if in_file else GROWN
-    return Correction(name, before, after, after if in_file else "", reason, unit_of(name))
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,19 +154,15 @@ def _by_plant(
     for k, drive in enumerate(drives):
         target = folder / f"sim{k + 1}.BIN"
         here = on_the_clock(rover, drive.runs)
-        here = _changed_before(rover, float(drive.course.t[0])) if changed else here
+        if changed:  # in a log before this one
+            change = {**rover.effects["surface_change"], "t": float(drive.course.t[0]) - LONG_AGO}
+            here = replace(rover, effects={**rover.effects, "surface_change": change})
         changed |= rover.effects.get("surface_change", {}).get("run") in [run.name for run in drive.runs]
         try:
             redrive(drive.course, here, target, seed + k)
         except ValueError as error:  # the rover overturns
             raise UsageError(str(error)) from error
         yield str(target)
-
-
-def _changed_before(rover: PlantParameters, start: float) -> PlantParameters:
-    """The rover on ground that changed in a log before this one; start: of this one's course [s]."""
-    change = {**rover.effects["surface_change"], "t": start - LONG_AGO}
-    return replace(rover, effects={**rover.effects, "surface_change": change})
 
 
 # The corrected rover as a variant file: every line with its reason.
@@ -181,7 +174,9 @@ TABLES = ("effects", "laws")
 def variant_with_reasons(rover: PlantParameters, corrections: Sequence[Correction], origin: str) -> str:
     """The variant as TOML text. origin: what the rover was before the corrections, in words."""
     nominal = load_variant("nominal")
-    reasons = {c.entry: c for c in corrections}
+    reasons = {
+        c.entry: [f"# was {c.before or 'not there'}: {' '.join(c.reason.split())}"] for c in corrections
+    }
     lines = [
         f"# The simulated rover {origin}, corrected by rover-sweep until it agreed with recordings.",
         "# Numbers that are not here are those of the nominal rover.",
@@ -191,18 +186,12 @@ def variant_with_reasons(rover: PlantParameters, corrections: Sequence[Correctio
     for f in fields(rover):
         value = getattr(rover, f.name)
         if f.name not in TABLES and value != getattr(nominal, f.name):
-            lines += [*_variant_reason(reasons.get(f.name)), f"{f.name} = {value_text(_rounded(value))}"]
+            lines += [*reasons.get(f.name, ()), f"{f.name} = {value_text(_rounded(value))}"]
     lines += ["", "[effects]"]
     for name, entry in rover.effects.items():
         values = ", ".join(f"{p} = {value_text(_rounded(v))}" for p, v in entry.items())
-        lines += [*_variant_reason(reasons.get(f"effects.{name}")), f"{name} = {{ {values} }}"]
+        lines += [*reasons.get(f"effects.{name}", ()), f"{name} = {{ {values} }}"]
     return "\n".join([*lines, "", *(law_text(law) for law in rover.laws)])
-
-
-def _variant_reason(c: Correction | None) -> list[str]:
-    if c is None:
-        return []
-    return [f"# was {c.before or 'not there'}: {' '.join(c.reason.split())}"]
 
 
 def _rounded(value: object) -> object:
@@ -273,7 +262,11 @@ def twin_of(
         changed = {d.name for one in driven for d in (*one.answer.differences, *one.answer.minor)}
         try:
             next_drive = partial(_compared, model=model, drive=drive, compare=compare, changed=changed)
-            again = _driven_or_halved(last.rover, by, next_drive)
+            try:
+                again = _Driven(by.parameters, by, next_drive(by.parameters))
+            except RoverSweepError:  # it cannot be driven with the whole corrections
+                half = halved(last.rover, by)
+                again = _Driven(half.parameters, half, next_drive(half.parameters))
         except RoverSweepError as error:  # it overturns, or its run is too short to be compared
             remarks.append(f"the rover could not be driven with the next corrections: {error}")
             break
@@ -293,17 +286,6 @@ def twin_of(
     recorded = {c.entry: c.recordings for c in now.corrections}
     seconds = time.monotonic() - started
     return _twin(driven, kept, measured, recorded, left, tuple(remarks), seconds), best.rover
-
-
-def _driven_or_halved(
-    before: PlantParameters, by: Corrected, compared: Callable[[PlantParameters], Compared]
-) -> _Driven:
-    """The corrected rover, driven; with half of each correction where it cannot be driven with the whole."""
-    try:
-        return _Driven(by.parameters, by, compared(by.parameters))
-    except RoverSweepError:
-        half = halved(before, by)
-        return _Driven(half.parameters, half, compared(half.parameters))
 
 
 def with_last_drive(
@@ -418,15 +400,13 @@ def _sentence(agrees: bool, last: Comparison, changed: int, drives: int) -> str:
     return f"the simulation still differs from the recordings after {many}: {size}"
 
 
-def _reason(first: Correction, last: Correction) -> str:
-    """The first difference is the largest; a measured number has the reason of its correction."""
-    return last.reason if first.reason == MEASURED else first.reason
-
-
 def together(parts: Sequence[Sequence[Correction]]) -> tuple[Correction, ...]:
     """All corrections of an entry as one, from its first value to its last."""
     out: dict[str, Correction] = {}
     for c in (c for part in parts for c in part):
-        first = out.get(c.entry)
-        out[c.entry] = replace(c, before=first.before, reason=_reason(first, c)) if first else c
+        if first := out.get(c.entry):
+            # the first difference is the largest; a measured number has the reason of its correction
+            reason = c.reason if first.reason == MEASURED else first.reason
+            c = replace(c, before=first.before, reason=reason)
+        out[c.entry] = c
     return tuple(c for c in out.values() if c.before != c.after)

@@ -6,7 +6,7 @@ import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, get_args, get_type_hints
 
 from sitl.plant.effects_table import Effects, checked, merged
 from sitl.plant.plant_law import PlantLaw, table_laws
@@ -20,75 +20,71 @@ _MAY_BE_NEGATIVE = {"roll_yaw_inertia", "rad_per_us"}
 
 @dataclass(frozen=True, kw_only=True)
 class PlantParameters:
-    """Everything the plant and its sensors are made of. SI units; lengths from the CG or the axle named.
+    """Everything the plant and its sensors are made of, with SI units; lengths from the CG or the axle named.
 
-    Body: mass, sprung_mass [kg]; cg_to_front_axle, cg_to_rear_axle [m]; cg_height_above_roll_centre [m]
-    of the sprung CG; yaw_inertia [kg m2] of the whole rover; roll_inertia [kg m2] of the sprung mass about
-    its own CG; roll_yaw_inertia [kg m2], Ixz in the sign of equation (18); roll_stiffness [N m/rad] and
-    roll_damping [N m s/rad] of the suspension.
-    Tyres, per axle: front_cornering_stiffness, rear_cornering_stiffness [N/rad] at zero slip; friction [-]
-    peak lateral force over axle load; tyre_shape [-], see `lateral_force`.
-    Steering: steering_trim_us [us]; rad_per_us [rad/us], positive when a larger PWM turns right;
-    steering_limit [rad]; servo_lag [s] first order; servo_delay [s]; servo_rate_limit [rad/s] of the wheel.
-    Drive: throttle_trim_us, throttle_deadband_us [us]; speed_per_us [m/s/us] without resistance;
-    speed_lag [s]; drive_force_limit [N]; rolling_resistance [-] of the weight; throttle_delay [s];
-    throttle_lost_us [us], a dead zone beyond which the drive begins from nothing (0 in the variants).
-    Road, rms per m/s of speed: road_force [N s/m], road_yaw_moment, road_roll_moment [N s];
-    road_length [m] over which it changes.
-    IMU: imu_position (forward, right, down) [m] from the sprung CG; gyro_noise [rad/s/sqrt(Hz)] and
-    accel_noise [m/s2/sqrt(Hz)], one-sided; vibration [m/s2/sqrt(Hz) per m/s of speed];
-    gyro_bias (FRD) [rad/s], accel_bias (FRD) [m/s2].
-    Estimator: velocity_lag [s], velocity_error [m/s rms], attitude_error [rad rms], error_time [s].
-    GPS: gps_interval, gps_lag [s]; gps_position_error [m rms], gps_velocity_error [m/s rms].
+    Body: cg_height_above_roll_centre of the sprung CG; yaw_inertia of the whole rover; roll_inertia of the
+    sprung mass about its own CG; roll_yaw_inertia, Ixz in the sign of equation (18); roll_stiffness and
+    roll_damping of the suspension.
+    Tyres, per axle: cornering stiffness at zero slip; friction, peak lateral force over axle load;
+    tyre_shape, see `lateral_force`.
+    Steering: rad_per_us, positive when a larger PWM turns right; servo_lag, first order; servo_rate_limit of
+    the wheel.
+    Drive: speed_per_us without resistance; rolling_resistance of the weight; throttle_lost_us, a dead zone
+    beyond which the drive begins from nothing (0 in the variants).
+    Road, rms per m/s of speed: road_force, road_yaw_moment, road_roll_moment; road_length over which it
+    changes.
+    IMU: imu_position (forward, right, down) from the sprung CG; gyro_noise and accel_noise, one-sided;
+    vibration by speed; gyro_bias, accel_bias (FRD).
+    Estimator and GPS: errors are rms.
     effects: beyond all this, by id and parameter, see `effects_table.py`; mostly none. laws: see `PlantLaw`.
     """
 
-    mass: float
-    sprung_mass: float
-    cg_to_front_axle: float
-    cg_to_rear_axle: float
-    cg_height_above_roll_centre: float
-    yaw_inertia: float
-    roll_inertia: float
-    roll_yaw_inertia: float
-    roll_stiffness: float
-    roll_damping: float
-    front_cornering_stiffness: float
-    rear_cornering_stiffness: float
-    friction: float
-    tyre_shape: float
-    steering_trim_us: float
-    rad_per_us: float
-    steering_limit: float
-    servo_lag: float
-    servo_delay: float
-    servo_rate_limit: float
-    throttle_trim_us: float
-    throttle_deadband_us: float
-    speed_per_us: float
-    speed_lag: float
-    drive_force_limit: float
-    rolling_resistance: float
-    road_force: float
-    road_yaw_moment: float
-    road_roll_moment: float
-    road_length: float
-    imu_position: tuple[float, float, float]
-    gyro_noise: float
-    accel_noise: float
-    vibration: float
-    gyro_bias: tuple[float, float, float]
-    accel_bias: tuple[float, float, float]
-    velocity_lag: float
-    velocity_error: float
-    attitude_error: float
-    error_time: float
-    gps_interval: float
-    gps_lag: float
-    gps_position_error: float
-    gps_velocity_error: float
-    throttle_delay: float = 0.0
-    throttle_lost_us: float = 0.0
+    mass: Annotated[float, "kg"]
+    sprung_mass: Annotated[float, "kg"]
+    cg_to_front_axle: Annotated[float, "m"]
+    cg_to_rear_axle: Annotated[float, "m"]
+    cg_height_above_roll_centre: Annotated[float, "m"]
+    yaw_inertia: Annotated[float, "kg m^2"]
+    roll_inertia: Annotated[float, "kg m^2"]
+    roll_yaw_inertia: Annotated[float, "kg m^2"]
+    roll_stiffness: Annotated[float, "N m/rad"]
+    roll_damping: Annotated[float, "N m s/rad"]
+    front_cornering_stiffness: Annotated[float, "N/rad"]
+    rear_cornering_stiffness: Annotated[float, "N/rad"]
+    friction: Annotated[float, "-"]
+    tyre_shape: Annotated[float, "-"]
+    steering_trim_us: Annotated[float, "us"]
+    rad_per_us: Annotated[float, "rad/us"]
+    steering_limit: Annotated[float, "rad"]
+    servo_lag: Annotated[float, "s"]
+    servo_delay: Annotated[float, "s"]
+    servo_rate_limit: Annotated[float, "rad/s"]
+    throttle_trim_us: Annotated[float, "us"]
+    throttle_deadband_us: Annotated[float, "us"]
+    speed_per_us: Annotated[float, "m/s per us"]
+    speed_lag: Annotated[float, "s"]
+    drive_force_limit: Annotated[float, "N"]
+    rolling_resistance: Annotated[float, "-"]
+    road_force: Annotated[float, "N s/m"]
+    road_yaw_moment: Annotated[float, "N s"]
+    road_roll_moment: Annotated[float, "N s"]
+    road_length: Annotated[float, "m"]
+    imu_position: Annotated[tuple[float, float, float], "m"]
+    gyro_noise: Annotated[float, "rad/s/sqrt(Hz)"]
+    accel_noise: Annotated[float, "m/s^2/sqrt(Hz)"]
+    vibration: Annotated[float, "m/s^2/sqrt(Hz) per m/s"]
+    gyro_bias: Annotated[tuple[float, float, float], "rad/s"]
+    accel_bias: Annotated[tuple[float, float, float], "m/s^2"]
+    velocity_lag: Annotated[float, "s"]
+    velocity_error: Annotated[float, "m/s"]
+    attitude_error: Annotated[float, "rad"]
+    error_time: Annotated[float, "s"]
+    gps_interval: Annotated[float, "s"]
+    gps_lag: Annotated[float, "s"]
+    gps_position_error: Annotated[float, "m"]
+    gps_velocity_error: Annotated[float, "m/s"]
+    throttle_delay: Annotated[float, "s"] = 0.0
+    throttle_lost_us: Annotated[float, "us"] = 0.0
     effects: Effects = field(default_factory=dict, hash=False)
     laws: tuple[PlantLaw, ...] = ()
 
@@ -132,6 +128,11 @@ _MUST_BE_POSITIVE = (
 )
 _OPTIONAL = ("throttle_delay", "throttle_lost_us")
 _KINDS = {f.name: f.type for f in fields(PlantParameters) if f.name not in ("effects", "laws")}
+
+
+def unit_of(name: str) -> str:
+    """The unit of a number of a variant file, "-" for none."""
+    return str(get_args(get_type_hints(PlantParameters, include_extras=True)[name])[1])
 
 
 def variant_names() -> tuple[str, ...]:
@@ -191,7 +192,7 @@ def _checked(entries: Mapping[str, Any], where: str) -> dict[str, Any]:
             f"variant {where}: unknown {', '.join(unknown)}; allowed: base, {', '.join(_KINDS)}, effects"
         )
     return {
-        name: _triple(value, name, where) if _KINDS[name] != "float" else _number(value, name, where)
+        name: _triple(value, name, where) if "tuple" in _KINDS[name] else _number(value, name, where)
         for name, value in entries.items()
     }
 
