@@ -9,11 +9,10 @@ from typing import Literal
 
 from rover_sweep.data.results import number
 from rover_sweep.identification.handling import handling
-from rover_sweep.identification.verify import Overlay, Verification
 from rover_sweep.report.wording import SHORT_NAMES, symbol, unit
 from rover_sweep.study import published
 from rover_sweep.study.published import MODELS
-from rover_sweep.study.virtual_study import Practice, Study, true_delay
+from rover_sweep.study.virtual_study import Practice, Study
 
 Outcome = Literal["came out", "came out in part", "did not come out"]
 TIC_GUIDE = 0.25  # the stricter of Tischler and Remple's 0.25 to 0.35
@@ -73,26 +72,18 @@ def cost_order(study: Study) -> StudyFinding:
     same = [a == b for a, b in zip(ranked(ours), ranked(printed), strict=True)]
     off = ", ".join(f"{m} {signed_percent(ours[m] / printed[m] - 1)}" for m in MODELS)
     shares = [100 * (1 - known[m] / ours[m]) for m in MODELS]
+    costs = {SHORT_NAMES[o]: j for o, j in study.paper.fit("lumped").costs.items()}
+    low, *_, high = ranked(costs)
     text = (
         f"J_ave, fitted as in the paper: {ranked_values(ours)} (published: {ranked_values(printed)}). "
         f"The {ranked(ours)[0]} model has the lowest. Difference to the paper: {off}. With the sensor "
         f"filters in the model outputs the cost of the same responses is {ranked_values(known)}: "
         f"{min(shares):.0f} to {max(shares):.0f} % of J_ave comes from low-passes that the fit ignores. "
-        f"{_where_the_cost_lies(study)}"
+        "Even the lumped model cannot compensate them, since it has one τ for all responses: its J is "
+        f"{number(costs[high], 3)} for {high} and {number(costs[low], 3)} for {low}."
     )
     claim = "The lumped model has the lowest average cost, then the roll-yaw, then the bicycle (Table 5)."
     return StudyFinding("cost", claim, agreement(*same), text)
-
-
-def _where_the_cost_lies(study: Study) -> str:
-    """The responses of the lumped model with the highest and lowest cost."""
-    costs = study.paper.fit("lumped").costs
-    names = {SHORT_NAMES[o]: j for o, j in costs.items()}
-    low, *_, high = ranked(names)
-    return (
-        "Even the lumped model cannot compensate them, since it has one τ for all responses: its J is "
-        f"{number(names[high], 3)} for {high} and {number(names[low], 3)} for {low}."
-    )
 
 
 def nominal(study: Study) -> StudyFinding:
@@ -115,7 +106,9 @@ def nominal(study: Study) -> StudyFinding:
 def _why_ahead(study: Study, best: str) -> str:
     """The channel in which the roll-yaw model is worse, and whether its tied tyres are the reason."""
     mine, other = (study.known.check(m, "asphalt") for m in ("roll-yaw", best))
-    a, b = max(_pairs(mine, other), key=lambda pair: pair[0].j_rms - pair[1].j_rms)
+    there = {o.channel: o for o in other.overlays}
+    pairs = [(o, there[o.channel]) for o in mine.overlays if o.channel in there]
+    a, b = max(pairs, key=lambda pair: pair[0].j_rms - pair[1].j_rms)
     free, tied = study.counterfactuals.untied["asphalt"].tic, mine.tic
     words = (
         f"The difference is largest in {SHORT_NAMES[a.channel]} (filters known): {number(b.j_rms, 2)} "
@@ -132,16 +125,12 @@ def _why_ahead(study: Study, best: str) -> str:
     )
 
 
-def _pairs(first: Verification, second: Verification) -> list[tuple[Overlay, Overlay]]:
-    """The overlays of the channels that both verifications have."""
-    there = {o.channel: o for o in second.overlays}
-    return [(o, there[o.channel]) for o in first.overlays if o.channel in there]
-
-
 def grass(study: Study) -> StudyFinding:
     """Table 7, left: which model predicts best on another ground."""
     ours = tics_of(study.paper, "grass")
     best, spread = ranked(ours)[0], max(ours.values()) / min(ours.values()) - 1
+    turned = {c: float((study.runs.checks[c].manoeuvre("r").x ** 2).mean()) for c in ("grass", "asphalt")}
+    faster = (turned["grass"] / turned["asphalt"]) ** 0.5 - 1
     text = f"TIC: {ranked_values(ours, 2)} (published: {ranked_values(printed_tics('grass'), 2)})."
     if best != "roll-yaw":
         softer = 1 - study.runs.grass.front_cornering_stiffness / study.runs.asphalt.front_cornering_stiffness
@@ -149,18 +138,13 @@ def grass(study: Study) -> StudyFinding:
             f" The {best} model predicts best; the largest TIC is {100 * spread:.0f} % above the smallest. "
             "This grass hardly separates the models: at "
             f"{study.runs.checks['grass'].mean_speed:.1f} m/s the same steering gives "
-            f"{signed_percent(_yaw_ratio(study) - 1)} yaw rate (rms) on tyres {100 * softer:.0f} % softer, "
+            f"{signed_percent(faster)} yaw rate (rms) on tyres {100 * softer:.0f} % softer, "
             f"while the rougher ground raises the error in p from {_p_error(study, 'asphalt')} to "
             f"{_p_error(study, 'grass')} deg/s, a channel that the bicycle does not have."
         )
     text += f" In the paper, {published.DOUBTS['grass']}."
     claim = "On artificial grass the unchanged roll-yaw model predicts best (Table 7)."
     return StudyFinding("grass", claim, agreement(best == "roll-yaw"), text)
-
-
-def _yaw_ratio(study: Study) -> float:
-    on_grass, on_asphalt = (study.runs.checks[c].manoeuvre("r").x for c in ("grass", "asphalt"))
-    return float(((on_grass**2).mean() / (on_asphalt**2).mean()) ** 0.5)
 
 
 def _p_error(study: Study, check: str) -> str:
@@ -303,7 +287,7 @@ def delays(study: Study) -> StudyFinding:
     left = printed["roll-yaw"] - share["roll-yaw"]
     text = (
         f"As in the paper: {_times(ours)} (published: {_times(printed)}). With the filters known: "
-        f"{_times(known)}; the servo's own delay and lag are {ms(true_delay(study.runs))}. So the filters "
+        f"{_times(known)}; the servo's own delay and lag are {ms(study.truth.values['tau'])}. So the filters "
         f"cause {ms(min(share.values()))} to {ms(max(share.values()))} of τ, in the roll-yaw model "
         f"{100 * share['roll-yaw'] / ours['roll-yaw']:.0f} % of it. "
         f"{_gyro_words(study, known['roll-yaw'])} If the published rover had these filters, its "
@@ -397,9 +381,11 @@ def coherence_finding(study: Study) -> StudyFinding:
     as_wide = {o: _covers(found.get(o), band) for o, band in published.BANDS.items()}
     text = f"Coherence of at least 0.6 here: {words} rad/s."
     if not as_wide["vydot"]:
+        p, v = study.truth.values, study.known.group.speed
+        sideslip = p["b"] - p["m"] * p["a"] * v**2 / (p["Cr"] * (p["a"] + p["b"]))  # V_y/r [m]
         text += (
             " vydot falls short: with the published numbers V_y is only "
-            f"{number(_steady_sideslip(study), 2)} m times r in a steady turn at "
+            f"{number(sideslip, 2)} m times r in a steady turn at "
             f"{study.known.group.speed:.1f} m/s (b - m a V²/(C L)), so at low frequency the road and "
             "the errors of the estimator exceed the response to the steering. The fits still use the paper's "
             "band, with the low weight of its coherence."
@@ -412,12 +398,6 @@ def _covers(band: tuple[float, float] | None, wanted: tuple[float, float]) -> bo
     """Whether a band covers another one within the frequencies of the sweep."""
     low = max(wanted[0], published.SWEEP["w_min"])
     return band is not None and band[0] <= 1.1 * low and band[1] >= 0.95 * wanted[1]
-
-
-def _steady_sideslip(study: Study) -> float:
-    """V_y/r [m] in a steady turn of the linear model."""
-    p = study.truth.values
-    return p["b"] - p["m"] * p["a"] * study.known.group.speed**2 / (p["Cr"] * (p["a"] + p["b"]))
 
 
 def _band(band: tuple[float, float] | None) -> str:

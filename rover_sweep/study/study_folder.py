@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 from rover_sweep.files.replaced import write_file
-from rover_sweep.identification.fit import FitResult
 from rover_sweep.identification.handling import handling, has_handling
 from rover_sweep.report.charts.chart import ChartPlan
 from rover_sweep.report.charts.response_charts import response_chart, run_chart, verification_chart
@@ -114,12 +113,24 @@ def study_document(study: Study, found: tuple[StudyFinding, ...]) -> dict[str, A
         "seed": study.seed,
         "versions": versions(),
         "findings": {f.key: {"claim": f.claim, "outcome": f.outcome, "text": f.text} for f in found},
-        "published": _published(),
+        "published": {
+            "parameters": {
+                m: {n: asdict(p) for n, p in rows.items()} for m, rows in published.PARAMETERS.items()
+            },
+            "cost": {m: dict(row) for m, row in published.COSTS.items()},
+            "verification": {
+                c: {m: asdict(v) for m, v in row.items()} for c, row in published.VERIFICATION.items()
+            },
+            "bands_rad_s": dict(published.BANDS),
+        },
         "rover": {"asphalt": asdict(study.runs.asphalt), "grass": asdict(study.runs.grass)},
         "firmware": asdict(study.runs.firmware),
         "speed_m_s": study.paper.group.speed,
         "coherent_bands_rad_s": dict(study.coherent),
-        "practices": {key: _practice(p) for key, p in study.practices.items()},
+        "practices": {
+            key: {"title": p.title, "words": p.words, "models": {m: _model(p, m) for m in MODELS}}
+            for key, p in study.practices.items()
+        },
         "counterfactuals": {
             "roll_yaw_frozen_at_identified_speed_tic": study.counterfactuals.frozen.tic,
             "roll_yaw_cf_cr_free_tic": {k: v.tic for k, v in study.counterfactuals.untied.items()},
@@ -130,48 +141,16 @@ def study_document(study: Study, found: tuple[StudyFinding, ...]) -> dict[str, A
     }
 
 
-def _published() -> dict[str, Any]:
-    return {
-        "parameters": {
-            m: {n: asdict(p) for n, p in rows.items()} for m, rows in published.PARAMETERS.items()
-        },
-        "cost": {m: dict(row) for m, row in published.COSTS.items()},
-        "verification": {
-            c: {m: asdict(v) for m, v in row.items()} for c, row in published.VERIFICATION.items()
-        },
-        "bands_rad_s": dict(published.BANDS),
-    }
-
-
-def _practice(practice: Practice) -> dict[str, Any]:
-    return {
-        "title": practice.title,
-        "words": practice.words,
-        "models": {m: _model(practice, m) for m in MODELS},
-    }
-
-
 def _model(practice: Practice, model: str) -> dict[str, Any]:
     fit, costs = practice.fit(model), practice.result.models[model].costs
+    kept = ("value", "unit", "free", "cr_percent", "insensitivity_percent")
+    speed = handling(fit).get("critical_speed") if has_handling(fit.structure) else None
     return {
-        "parameters": {
-            e.name: {
-                "value": e.value,
-                "unit": e.unit,
-                "free": e.free,
-                "cr_percent": e.cr_percent,
-                "insensitivity_percent": e.insensitivity_percent,
-            }
-            for e in fit.estimates
-        },
+        "parameters": {e.name: {name: getattr(e, name) for name in kept} for e in fit.estimates},
         "cost": {**costs, "average": fit.average, "fitted": list(fit.costs)},
         "verification": {c: _verification(practice, model, c) for c in CHECKS},
-        "critical_speed_m_s": _critical_speed(fit),
+        "critical_speed_m_s": speed,
     }
-
-
-def _critical_speed(fit: FitResult) -> float | None:
-    return handling(fit).get("critical_speed") if has_handling(fit.structure) else None
 
 
 def _verification(practice: Practice, model: str, check: str) -> dict[str, Any]:

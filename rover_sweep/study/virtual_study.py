@@ -161,7 +161,7 @@ def study(seed: int = 1, progress: Progress | None = None) -> Study:
         practices[key] = Practice(key, title, words, _identified(runs, known_geometry, filtered, fitted))
     report(0.95, "explaining")
     known = practices["known"]
-    truth = _truth(runs, known_geometry)
+    truth = roll_yaw(known_geometry, tied=False).with_values(true_parameters(runs.asphalt))
     coherent = {o: usable_band(f.w, f.coherence) for o, f in known.group.responses.items()}
     return Study(
         seed,
@@ -183,38 +183,29 @@ _PRACTICES = (
 )
 
 
-def swept_bands() -> dict[str, Band]:
-    """The paper's bands, from the lowest swept frequency up [rad/s]."""
-    return {o: (max(low, SWEEP["w_min"]), high) for o, (low, high) in BANDS.items()}
-
-
 def _identified(runs: StudyRuns, known: Geometry, filtered: bool, fitted: Sequence[str]) -> Identification:
-    settings = Settings(
-        fitted=tuple(fitted), band=(SWEEP["w_min"], SWEEP["w_max"]), bands=swept_bands(), as_paper=True
-    )
+    lowest, highest = SWEEP["w_min"], SWEEP["w_max"]
+    bands = {o: (max(low, lowest), high) for o, (low, high) in BANDS.items()}
+    settings = Settings(fitted=tuple(fitted), band=(lowest, highest), bands=bands, as_paper=True)
     sweeps, checks = runs.sweeps, tuple(runs.checks.values())
     if not filtered:
         sweeps, checks = (tuple(replace(run, filters={}) for run in part) for part in (sweeps, checks))
     return identify(sweeps, known, checks, settings)
 
 
-def _truth(runs: StudyRuns, known: Geometry) -> ModelStructure:
-    rover = runs.asphalt
-    return roll_yaw(known, tied=False).with_values(
-        {
-            "Cf": rover.front_cornering_stiffness,
-            "Cr": rover.rear_cornering_stiffness,
-            "Izz": rover.yaw_inertia,
-            "k_phi": rover.roll_stiffness,
-            "b_phi": rover.roll_damping,
-            "tau": true_delay(runs),
-        }
-    )
+def true_parameters(rover: PlantParameters) -> dict[str, float]:
+    """{parameter of a roll-yaw model: SI value} of a simulated rover, its tyres at zero slip.
 
-
-def true_delay(runs: StudyRuns) -> float:
-    """The steering's low-frequency lag [s]: the servo's delay and lag. (The PWM's steps are in the input.)"""
-    return runs.asphalt.servo_delay + runs.asphalt.servo_lag
+    tau: the steering's low-frequency lag, the servo's delay and lag. (The PWM's steps are in the input.)
+    """
+    return {
+        "Cf": rover.front_cornering_stiffness,
+        "Cr": rover.rear_cornering_stiffness,
+        "Izz": rover.yaw_inertia,
+        "k_phi": rover.roll_stiffness,
+        "b_phi": rover.roll_damping,
+        "tau": rover.servo_delay + rover.servo_lag,
+    }
 
 
 def _counterfactuals(runs: StudyRuns, known: Geometry, practices: Mapping[str, Practice]) -> Counterfactuals:
@@ -279,18 +270,20 @@ def parameter_comparison(study: Study, model: str) -> Table:
     """Tables 2, 3 and 4: the free parameters, published and identified."""
     printed = published.PARAMETERS[model]
     units = {e.name: e.unit for e in study.paper.fit(model).estimates}
+    true = study.truth.values
+    true = {**true, "C": (true["Cf"] + true["Cr"]) / 2} if model != "lumped" else study.truth_lumped.values
+    others = [p for key, p in study.practices.items() if key != "paper"]
     rows = tuple(
         (
             Cell(symbol(name), "strong"),
             Cell(unit(units[name])),
             *_printed(p),
             *_found(study.paper, model, name, bounds=True),
-            *(c for p in _others(study) for c in _found(p, model, name, bounds=False)),
-            Cell(number(_true(study, model, name), 3), "muted"),
+            *(c for p in others for c in _found(p, model, name, bounds=False)),
+            Cell(number(true[name], 3), "muted"),
         )
         for name, p in printed.items()
     )
-    others = [p.title for p in _others(study)]
     headings = (
         "",
         "unit",
@@ -300,15 +293,11 @@ def parameter_comparison(study: Study, model: str) -> Table:
         study.paper.title,
         "CR %",
         "I %",
-        *others,
+        *(p.title for p in others),
         "this rover",
     )
     title = f"{NUMBERS[model]}: {TITLES[model].lower()} model"
     return Table(title, headings, rows, _parameter_note(study, model), 2)
-
-
-def _others(study: Study) -> list[Practice]:
-    return [p for key, p in study.practices.items() if key != "paper"]
 
 
 def _printed(p: published.Printed) -> tuple[Cell, ...]:
@@ -326,14 +315,6 @@ def _found(practice: Practice, model: str, name: str, bounds: bool) -> tuple[Cel
     return (
         (value, Cell(percent(e.cr_percent)), Cell(percent(e.insensitivity_percent))) if bounds else (value,)
     )
-
-
-def _true(study: Study, model: str, name: str) -> float:
-    """The value of the linearised virtual rover; C is the mean of its axles."""
-    if model == "lumped":
-        return study.truth_lumped.values[name]
-    values = study.truth.values
-    return (values["Cf"] + values["Cr"]) / 2 if name == "C" else values[name]
 
 
 def _parameter_note(study: Study, model: str) -> str:
@@ -382,8 +363,8 @@ def verifications(study: Study) -> Iterator[Table]:
         "grass": "Table 7: doublet on artificial grass",
         "fast": "Table 7: doublet at high velocity",
     }
-    for check in CHECKS:
-        yield _verification(study, check, titles[check])
+    for check, title in titles.items():
+        yield _verification(study, check, title)
 
 
 def _verification(study: Study, check: str, title: str) -> Table:

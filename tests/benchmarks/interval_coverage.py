@@ -25,6 +25,7 @@ from rover_sweep.identification.fit import FitResult
 from rover_sweep.identification.handling import Handling, handling
 from rover_sweep.identification.models import roll_yaw
 from rover_sweep.identification.pipeline import Identification
+from rover_sweep.study.virtual_study import true_parameters
 from sitl.plant.variant import PlantParameters, load_variant
 from tests.comparison.pairs import drawn, drive, vehicle_file
 from tests.foreign.recorded import drives, runs_of
@@ -89,20 +90,6 @@ def _exact_file(rover: PlantParameters) -> str:
     return "\n".join(["[vehicle]", 'name = "exact"', *body, "[steering]", *steering, "[imu]", imu])
 
 
-def true_parameters(rover: PlantParameters) -> dict[str, float]:
-    """By the models' names, SI units."""
-    front, rear = rover.front_cornering_stiffness, rover.rear_cornering_stiffness
-    return {
-        "C": (front + rear) / 2,
-        "Cf": front,
-        "Cr": rear,
-        "Izz": rover.yaw_inertia,
-        "k_phi": rover.roll_stiffness,
-        "b_phi": rover.roll_damping,
-        "tau": rover.servo_lag + rover.servo_delay,
-    }
-
-
 def foreign_checked(seed: int, measured: bool, model: str) -> list[Checked]:
     """The parameters of another rover for each seed, of the other simulation and from 2 to 420 kg."""
     rng = np.random.default_rng([0, seed])
@@ -129,7 +116,8 @@ def foreign_checked(seed: int, measured: bool, model: str) -> list[Checked]:
 
 def parameters_checked(found: Identification, rover: PlantParameters, model: str = "") -> list[Checked]:
     """The free parameters of a model, default the recommended one, with the truth."""
-    return checked(found, true_parameters(rover), model)
+    truth = true_parameters(rover)
+    return checked(found, truth | {"C": (truth["Cf"] + truth["Cr"]) / 2}, model)
 
 
 def checked(found: Identification, true: Mapping[str, float], model: str = "") -> list[Checked]:
