@@ -100,20 +100,14 @@ def _of_finding(finding: Finding, found: Diagnosis) -> OpenQuestions:
         share = {e: finding.evidence.get(f"probability:{e}", 0.0) for e in finding.look_alikes}
         odds = _odds(found, {effect: finding.probability or 0.0, **share}, ())
         return OpenQuestions(odds, f"{others} {verb} the runs as well as {effect}")
-    if _refuted(finding):
+    # where the residual of all held-out runs is at the noise floor without it, chi-squared decides
+    shares = [h.share_removed for h in finding.held_out if h.share_removed is not None]
+    shares = shares or [finding.evidence.get("held_out_gain", 1.0)]
+    if min(shares) <= 0.0:
         return OpenQuestions(_doubtful(finding, found), f"held-out data do not confirm {effect}")
     if not finding.held_out:
         return OpenQuestions({}, f"{effect} is not tested on a held-out run", (effect,))
     return OpenQuestions({})
-
-
-def _refuted(finding: Finding) -> bool:
-    """A held-out run is not predicted better with the finding. Where the residual of all of them is at the
-    noise floor without it, the gain in chi-squared decides."""
-    shares = [h.share_removed for h in finding.held_out if h.share_removed is not None]
-    if shares:
-        return any(share <= 0.0 for share in shares)
-    return finding.evidence.get("held_out_gain", 1.0) <= 0.0
 
 
 def _of_all(found: Diagnosis) -> OpenQuestions:
@@ -244,16 +238,30 @@ def next_step(found: Diagnosis, driven: Sequence[PlannedRun], means: Means, rank
         return NextStep("open", f"the runs were refused: {found.sentence}")
     asked = open_questions(found)
     if not asked.why:
-        return NextStep("settled", _settled(found), named)
+        why = "no effect is missing, and the bounds of all effects are below the size that matters"
+        if named:
+            why = f"{in_words(named)}: no look-alike is left, and held-out data confirm it"
+        return NextStep("settled", why, named)
     if reason := used_up(means):
         return NextStep("used up", f"{reason}; {asked.why}", named)
     best = next(iter(ranking(asked.odds)), None)
     if found.verdict == "none" and best is None:
         return NextStep("settled", f"{asked.why}, and no run is expected to tell more about them")
     if best is not None:
-        reason = f"{asked.why}; {_purpose(best, asked)}"
-        return NextStep("drive", reason, named, best.run, best.bits, asked.odds)
-    return _without_ranking(asked, driven, means, named)
+        run, bits, names = run_text(best.run), f"({best.bits:.1f} bit expected)", effects_of(asked.odds)
+        tells = f"{run} tells most about {in_words(names) if len(names) <= NAMED else 'them'} {bits}"
+        if best.settles:
+            tells = f"{run} is expected to settle it if {in_words(best.settles, 'or')} is true {bits}"
+        return NextStep("drive", f"{asked.why}; {tells}", named, best.run, best.bits, asked.odds)
+    # the plan knows no run for the question: a test on other data, else another operating point
+    if asked.unchecked:
+        test = check([r for r in driven if r.kind != "doublet"])
+        return NextStep("drive", f"{asked.why}; {run_text(test)} is held out and tests it", named, test)
+    largest = sorted(means.choices, key=lambda run: -run.amplitude_us)
+    new = next((run for run in largest if is_new(run, driven)), None)
+    if new is None:
+        return NextStep("open", f"{asked.why}, and no run is expected to tell more", named)
+    return NextStep("drive", f"{asked.why}; {run_text(new)} shows another amplitude or speed", named, new)
 
 
 def used_up(means: Means) -> str:
@@ -265,20 +273,6 @@ def used_up(means: Means) -> str:
     return "" if means.choices else "no run fits on the ground and within the limits"
 
 
-def _without_ranking(
-    asked: OpenQuestions, driven: Sequence[PlannedRun], means: Means, named: tuple[str, ...]
-) -> NextStep:
-    """Where the plan knows no run for the question: a test on other data, else another operating point."""
-    if asked.unchecked:
-        run = check([r for r in driven if r.kind != "doublet"])
-        return NextStep("drive", f"{asked.why}; {run_text(run)} is held out and tests it", named, run)
-    largest = sorted(means.choices, key=lambda run: -run.amplitude_us)
-    new = next((run for run in largest if is_new(run, driven)), None)
-    if new is None:
-        return NextStep("open", f"{asked.why}, and no run is expected to tell more", named)
-    return NextStep("drive", f"{asked.why}; {run_text(new)} shows another amplitude or speed", named, new)
-
-
 def is_new(run: PlannedRun, driven: Sequence[PlannedRun]) -> bool:
     """True if no driven run has nearly this kind, amplitude and speed."""
     return not any(
@@ -288,18 +282,3 @@ def is_new(run: PlannedRun, driven: Sequence[PlannedRun]) -> bool:
         and abs(run.bias_us - other.bias_us) <= SAME * other.amplitude_us
         for other in driven
     )
-
-
-def _settled(found: Diagnosis) -> str:
-    if not found.findings:
-        return "no effect is missing, and the bounds of all effects are below the size that matters"
-    names = in_words([f.effect for f in found.findings])
-    return f"{names}: no look-alike is left, and held-out data confirm it"
-
-
-def _purpose(best: RunValue, asked: OpenQuestions) -> str:
-    """What the run is expected to tell, as part of a sentence."""
-    run, bits, names = run_text(best.run), f"({best.bits:.1f} bit expected)", effects_of(asked.odds)
-    if best.settles:
-        return f"{run} is expected to settle it if {in_words(best.settles, 'or')} is true {bits}"
-    return f"{run} tells most about {in_words(names) if len(names) <= NAMED else 'them'} {bits}"
