@@ -154,10 +154,9 @@ def _experiment(run: Recording, model: Any) -> Experiment:
 def _augmented(model: AugmentedModel, run: Experiment) -> dict[str, Array]:
     from rover_sweep.diagnosis.simulation.simulator import Sensors, motion, sensed
 
-    structure = model.structure
-    moved = motion(run, structure, model.x)
-    shown = sensed(run, structure, model.x, moved)
-    return Sensors.of(run).through(shown, moved["V"], structure, model.x)
+    moved = motion(run, model.simulated, model.x)
+    shown = sensed(run, model.simulated, model.x, moved)
+    return Sensors.of(run).through(shown, moved["V"], model.simulated, model.x)
 
 
 def _linear(model: ModelResult, run: Experiment, recording: Recording) -> dict[str, Array]:

@@ -22,10 +22,16 @@ from rover_sweep.data.recording import Array
 from rover_sweep.diagnosis.effects import form_named
 from rover_sweep.diagnosis.posterior.model_fit import with_floor_of
 from rover_sweep.diagnosis.posterior.parameter_intervals import fit_covariance
-from rover_sweep.diagnosis.problem.least_squares import Fitted, cost_of, fit, sensitivities
+from rover_sweep.diagnosis.problem.least_squares import (
+    Fitted,
+    columns,
+    cost_of,
+    fit,
+    sensitivities,
+    speed_drift,
+)
 from rover_sweep.diagnosis.problem.noise_floor import Floor
 from rover_sweep.diagnosis.problem.residuals import Problem
-from rover_sweep.diagnosis.problem.signatures import columns, speed_drift
 from rover_sweep.diagnosis.simulation.augmented import AugmentedModel
 from rover_sweep.diagnosis.simulation.candidates import Coordinate, Model, added_coordinates
 from rover_sweep.diagnosis.simulation.experiment import RATE, Experiment
@@ -115,27 +121,17 @@ class Subsets:
 def fewest(subsets: Subsets, effects: Collection[int] = ()) -> Chosen:
     """The best set that the search finds, in the order of the candidates. effects: those that are one."""
     every = range(len(subsets.columns))
-    starts = [_shrunk(subsets, tuple(every))]
-    starts += [min(combinations(every, n), key=subsets.score) for n in range(min(ALL_OF, len(every)) + 1)]
-    best = min((_improved(subsets, start) for start in starts), key=subsets.score)
-    return _without_spill(subsets, best, effects)
-
-
-def _without_spill(subsets: Subsets, chosen: Chosen, effects: Collection[int]) -> Chosen:
-    """The set without candidates, the least first, that gain less than `SPILL` of the largest effect."""
+    full = tuple(every)
+    while len(full) > MOST:  # without those that cost least to remove
+        full = min((_without(full, k) for k in full), key=subsets.left)
+    some = [min(combinations(every, n), key=subsets.score) for n in range(min(ALL_OF, len(every)) + 1)]
+    chosen = min((_improved(subsets, start) for start in (full, *some)), key=subsets.score)
     while chosen:
         gains = {k: subsets.left(_without(chosen, k)) - subsets.left(chosen) for k in chosen}
         least = min(chosen, key=lambda k: gains[k])
         if gains[least] >= SPILL * max((gains[k] for k in chosen if k in effects), default=0.0):
             break
         chosen = _without(chosen, least)
-    return chosen
-
-
-def _shrunk(subsets: Subsets, chosen: Chosen) -> Chosen:
-    """The set without candidates, one at a time, that cost least to remove, down to `MOST`."""
-    while len(chosen) > MOST:
-        chosen = min((_without(chosen, k) for k in chosen), key=subsets.left)
     return chosen
 
 
@@ -199,11 +195,15 @@ class FittedSide:
     but are none of the k.
     """
 
-    model: Model
     plain: Problem
     problem: Problem
     fitted: Fitted
     covariance: Array
+
+    @property
+    def model(self) -> Model:
+        """The common model."""
+        return self.fitted.model
 
     @property
     def coordinates(self) -> tuple[Coordinate, ...]:
@@ -276,10 +276,16 @@ def side_of(
         if cost_of(bare[0], bare[1]) < cost_of(bare[0], closest) + PENALTY * added:
             plain, closest = bare
     metric = plain.in_metric(columns(speed_drift(plain, closest), plain.size))
-    fitted = fit(metric, model.structure, closest.free, closest.x)
+    fitted = fit(metric, model, closest.x, closest.free)
     held = {c.name for c in model.free} - {c.name for c in closest.free}
-    fitted = _seen(metric, replace(fitted, free=model.free), model)
-    return FittedSide(model, plain, metric, fitted, _covariance(metric, fitted, held))
+    own = {c.name for name in model.effects for c in added_coordinates(model.law(name))}
+    # the first small part of many laws changes nothing
+    stepped = tuple(
+        replace(c, step=STEP) if c.name in own and abs(fitted.x[c.name]) < ABSENT * c.scale else c
+        for c in model.free
+    )
+    fitted = replace(sensitivities(metric, replace(fitted, free=stepped)), free=model.free)
+    return FittedSide(plain, metric, fitted, _covariance(metric, fitted, held))
 
 
 def _covariance(problem: Problem, fitted: Fitted, held: set[str]) -> Array:
@@ -307,23 +313,9 @@ def _closest(
     x = {**model.start, **start, **dict.fromkeys(absent, 0.0)}
     free = tuple(c for c in model.free if c.name not in absent)
     problem = with_floor_of(runs, model, x)
-    first = fit(problem, model.structure, free, x)
+    first = fit(problem, model, x, free)
     problem = with_floor_of(runs, model, first.x)  # the start was far off, and its residual no noise
-    return problem, fit(problem, model.structure, free, first.x)
-
-
-def _seen(problem: Problem, fitted: Fitted, model: Model) -> Fitted:
-    """The fit with its Jacobian; of an absent effect by a step of half its usual size.
-
-    The first small part of many laws changes nothing.
-    """
-    added = {c.name for name in model.effects for c in added_coordinates(model.law(name))}
-
-    def absent(c: Coordinate) -> bool:
-        return c.name in added and abs(fitted.x[c.name]) < ABSENT * c.scale
-
-    stepped = tuple(replace(c, step=STEP) if absent(c) else c for c in fitted.free)
-    return replace(sensitivities(problem, replace(fitted, free=stepped)), free=fitted.free)
+    return problem, fit(problem, model, first.x, free)
 
 
 def as_noisy(runs: Sequence[Experiment], own: Floor, floor: Floor) -> list[Experiment]:
@@ -331,20 +323,16 @@ def as_noisy(runs: Sequence[Experiment], own: Floor, floor: Floor) -> list[Exper
 
     own, floor: of the simulation, of the recordings. Without noise every small term of a law would count.
     """
-    random = np.random.default_rng(SEED)
-    return [_with_noise(run, own, floor, random) for run in runs]
-
-
-def _with_noise(run: Experiment, own: Floor, floor: Floor, random: np.random.Generator) -> Experiment:
-    measured = dict(run.measured)
-    f: Array = np.asarray(np.fft.rfftfreq(run.t.size, 1 / RATE), np.float64)
-    for channel, y in run.measured.items():
-        if channel in own.density and channel in floor.density and _quieter(channel, own, floor):
-            white = rfft(random.standard_normal(y.size))
+    random, out = np.random.default_rng(SEED), []
+    both = [c for c in own.density if c in floor.density]
+    quiet = [c for c in both if own.rms(c, 0.5, 8.0) ** 2 < QUIET * floor.rms(c, 0.5, 8.0) ** 2]
+    for run in runs:
+        measured = dict(run.measured)
+        f: Array = np.asarray(np.fft.rfftfreq(run.t.size, 1 / RATE), np.float64)
+        for channel in (c for c in run.measured if c in quiet):
+            white = rfft(random.standard_normal(run.t.size))
             density = np.where(f < floor.f[1], 0.0, floor.at(channel, f))  # below, drift and not noise
-            measured[channel] = y + irfft(white * np.sqrt(0.5 * RATE * density), y.size)
-    return replace(run, measured=measured)
-
-
-def _quieter(channel: str, own: Floor, floor: Floor) -> bool:
-    return own.rms(channel, 0.5, 8.0) ** 2 < QUIET * floor.rms(channel, 0.5, 8.0) ** 2
+            noise = irfft(white * np.sqrt(0.5 * RATE * density), run.t.size)
+            measured[channel] = measured[channel] + noise
+        out.append(replace(run, measured=measured))
+    return out

@@ -31,12 +31,11 @@ from rover_sweep.comparison.direct import (
     predicted,
     shared,
 )
-from rover_sweep.data.recording import Array
 from rover_sweep.diagnosis.effects import EffectParameter, every_form, form_named
 from rover_sweep.diagnosis.locate import mismatches
-from rover_sweep.diagnosis.posterior.infer import Inference, Options, infer
+from rover_sweep.diagnosis.posterior.infer import Options, infer
 from rover_sweep.diagnosis.posterior.upper_bounds import ONE_SIDED
-from rover_sweep.diagnosis.problem.signatures import Signature, signatures
+from rover_sweep.diagnosis.problem.least_squares import signatures
 from rover_sweep.diagnosis.result import UpperBound
 from rover_sweep.diagnosis.search import screen, tangent
 from rover_sweep.diagnosis.simulation.augmented import AugmentedModel
@@ -56,31 +55,24 @@ def could_differ(
     found: Found, recordings: FittedSide, simulation: FittedSide
 ) -> dict[str, dict[str, UpperBound]]:
     """{quantity or effect: {parameter: range of recordings minus simulation}}; of some numbers relative."""
-    out = {
-        q.name: _of_quantity(found, k)
-        for k, q in enumerate(found.candidates)
-        if q.effect is None and k not in found.chosen
-    }
-    return {**out, **_of_effects(recordings, simulation)}
-
-
-def _of_quantity(found: Found, k: int) -> dict[str, UpperBound]:
-    q = found.candidates[k]
-    amount, sd = found.subsets.amount(k, found.chosen)
-    low, high = amount - ONE_SIDED * sd, amount + ONE_SIDED * sd
-    unit = "relative" if q.relative else next(iter(q.report(found.recordings[0]).values()))[1]
-    return {q.name: UpperBound(unit, low, high, q.matters)}
-
-
-def _of_effects(recordings: FittedSide, simulation: FittedSide) -> dict[str, dict[str, UpperBound]]:
-    one, two = _amounts(recordings), _amounts(simulation)
     out: dict[str, dict[str, UpperBound]] = {}
-    for key in one.keys() & two.keys():
-        effect, parameter = key
+    for k, q in enumerate(found.candidates):
+        if q.effect is None and k not in found.chosen:
+            amount, sd = found.subsets.amount(k, found.chosen)
+            low, high = amount - ONE_SIDED * sd, amount + ONE_SIDED * sd
+            unit = "relative" if q.relative else next(iter(q.report(found.recordings[0]).values()))[1]
+            out[q.name] = {q.name: UpperBound(unit, low, high, q.matters)}
+    one, two = _amounts(recordings), _amounts(simulation)
+    effects: dict[str, dict[str, UpperBound]] = {}
+    for key in (k for k in one if k in two):
         (p, a, va), (_, b, vb) = one[key], two[key]
         sd = float(np.sqrt(va + vb))
-        out.setdefault(effect, {})[parameter] = _bound(p, a - b - ONE_SIDED * sd, a - b + ONE_SIDED * sd)
-    return dict(sorted(out.items()))
+        low, high = a - b - ONE_SIDED * sd, a - b + ONE_SIDED * sd
+        bound = UpperBound(p.unit, low, high)
+        if p.form == "inverse":  # of a limit or cut-off its value where the other side has none
+            bound = UpperBound(p.unit, p.value(max(abs(low), abs(high))), None)
+        effects.setdefault(key[0], {})[key[1]] = bound
+    return {**out, **dict(sorted(effects.items()))}
 
 
 def largest_score(side: FittedSide) -> float:
@@ -94,9 +86,7 @@ def suspects(recordings: FittedSide, simulation: FittedSide) -> tuple[str, ...]:
     A straight line tells play from sticking poorly, so the fits decide between them.
     """
     one, two = _amounts(recordings), _amounts(simulation)
-    clear = {
-        key: (one[key][1] - two[key][1]) ** 2 / (one[key][2] + two[key][2]) for key in one.keys() & two.keys()
-    }
+    clear = {k: (one[k][1] - two[k][1]) ** 2 / (one[k][2] + two[k][2]) for k in one if k in two}
     ranked = sorted(clear, key=lambda key: -clear[key])
     enough = max(CLEAR, NEARLY * clear[ranked[0]]) if ranked else 0.0
     return tuple(dict.fromkeys(effect for effect, p in ranked if clear[effect, p] > enough))[:MOST]
@@ -108,32 +98,21 @@ def _amounts(side: FittedSide) -> Mapping[tuple[str, str], tuple[EffectParameter
     effects = [e for e in possible(side.model, runs)[0] if not e.in_one_run]
     problem = side.problem
     space = tangent(side.fitted)
-    found = signatures(problem, side.fitted, side.model, effects)
+    found = signatures(problem, side.fitted, effects)
     parameters = {(e.id, p.name): p for e in effects for p in e.parameters if not p.nominal}
-    left = space.outside(side.fitted.rows)
+    left, variance = space.outside(side.fitted.rows), side.fitted.overdispersion
     out = {}
     for s in found:
-        if (s.effect, s.parameter) in parameters and (
-            a := _amount(s, space.outside(s.rows), left, side.fitted.overdispersion)
-        ):
-            out[s.effect, s.parameter] = (parameters[s.effect, s.parameter], *a)
+        rows = space.outside(s.rows)
+        power = float(rows @ rows)
+        if (s.effect, s.parameter) in parameters and power >= FAINT:  # else the runs hardly show it
+            amount = s.size * float(rows @ left) / power
+            out[s.effect, s.parameter] = (
+                parameters[s.effect, s.parameter],
+                amount,
+                s.size**2 * variance / power,
+            )
     return out
-
-
-def _amount(s: Signature, rows: Array, left: Array, variance: float) -> tuple[float, float] | None:
-    """(coordinate that the residual shows, its variance); None where the runs hardly show the effect."""
-    power = float(rows @ rows)
-    if power < FAINT:
-        return None
-    return s.size * float(rows @ left) / power, s.size**2 * variance / power
-
-
-def _bound(p: EffectParameter, low: float, high: float) -> UpperBound:
-    """A range of coordinates as a bound; of a limit or cut-off its value where the other side has none."""
-    if p.form == "inverse":
-        farthest = max(abs(low), abs(high))
-        return UpperBound(p.unit, p.value(farthest), None)
-    return UpperBound(p.unit, low, high)
 
 
 # Effects in which simulation and recordings differ, though no diagnosis named them.
@@ -239,7 +218,13 @@ def compare(
     """
     started = time.monotonic()
     progress("comparing simulation and recordings", 0.0)
-    pairs, held = _in_two(pairs_by_steering((*recorded, *held_out), simulated), {id(run) for run in held_out})
+    every, kept_out = pairs_by_steering((*recorded, *held_out), simulated), {id(run) for run in held_out}
+    pairs = [p for p in every if id(p.recorded) not in kept_out]
+    held = [p for p in every if id(p.recorded) in kept_out]
+    if not pairs:
+        raise DataRefused(
+            "only held-out runs were simulated; simulate at least one of the runs that are not held out too"
+        )
     options, known = Options((), (), progress, stop), pairs
     pairs, held = [shared(p) for p in pairs], [shared(p) for p in held]
     known_fits = {} if fitted is None else fitted
@@ -268,38 +253,16 @@ def compare(
         seconds=time.monotonic() - started,
     )
     if fitted is None:
-        answer = _with_pictures(answer, plain, unused, recordings, simulation, found)
+        swept = predicted(plain, recordings, found, False)
+        shown = predicted(unused, recordings, found, True) if unused else swept
+        answer = replace(
+            answer,
+            could_differ=could_differ(found, recordings, simulation),
+            overlays=histories_of(shown),
+            bode=bode_of_runs((*shown, *swept)),
+        )
     left = differences_left(found, recordings, simulation, measured, changed)
     return Compared(answer, plain, unused, left)
-
-
-def _with_pictures(
-    answer: Comparison,
-    used: Direct,
-    unused: Direct | None,
-    recordings: FittedSide,
-    simulation: FittedSide,
-    found: Found,
-) -> Comparison:
-    """The comparison with its bounds, time histories and responses."""
-    swept = predicted(used, recordings, found, False)
-    shown = predicted(unused, recordings, found, True) if unused else swept
-    return replace(
-        answer,
-        could_differ=could_differ(found, recordings, simulation),
-        overlays=histories_of(shown),
-        bode=bode_of_runs((*shown, *swept)),
-    )
-
-
-def _in_two(pairs: Sequence[Pair], held_out: set[int]) -> tuple[list[Pair], list[Pair]]:
-    """(pairs whose recorded run was used, pairs whose recorded run was held out)."""
-    used = [p for p in pairs if id(p.recorded) not in held_out]
-    if not used:
-        raise DataRefused(
-            "only held-out runs were simulated; simulate at least one of the runs that are not held out too"
-        )
-    return used, [p for p in pairs if id(p.recorded) in held_out]
 
 
 def _sides(
@@ -331,7 +294,10 @@ def _sides(
     more_in_it = own.fitted.overdispersion > SOME_LEFT or largest_score(own) > SUSPICIOUS
     if effects is not None or not more_in_it:
         return first, own
-    more = _searched(simulated, common, first, options)
+    if common.happened_in:  # a model has one run in which a law begins
+        once = {law.id for law in every_form().values() if law.in_one_run}
+        options = replace(options, without=(*options.without, *once))
+    more = infer(simulated, common, first.fitted.x, options)
     both = common_model(model, [n.law.name for n in more.named], seen)
     if both.effects == common.effects:
         return first, own
@@ -342,19 +308,6 @@ def _sides(
         for run in (where.happened_in, partners.get(where.happened_in, ""))
     )
     return recordings(ours, first.fitted.x), side_of(simulated, theirs, more.last.fitted.x, has)
-
-
-def _searched(
-    simulated: Sequence[Experiment], start: Model, recordings: FittedSide, options: Options
-) -> Inference:
-    """What the simulation has beside the laws of the recordings.
-
-    Where one of those begins in a run, no other that does is looked for: a model has one such run.
-    """
-    if start.happened_in:
-        once = {law.id for law in every_form().values() if law.in_one_run}
-        options = replace(options, without=(*options.without, *once))
-    return infer(simulated, start, recordings.fitted.x, options)
 
 
 def _far_off(simulation: FittedSide) -> tuple[str, ...]:

@@ -237,7 +237,12 @@ def differences_left(
 
 def _of_candidates(known: Known, candidates: Sequence[Comparable]) -> dict[int, tuple[float, float]]:
     """What is known of coordinates as {candidate that moves one alone: (amount, standard deviation)}."""
-    return {k: known[name] for k, q in enumerate(candidates) if (name := _one_coordinate(q)) in known}
+    out = {}
+    for k, q in enumerate(candidates):
+        (name, *others) = q.parts[0]
+        if name in known and not (q.effect or others or q.parts[0][name] != 1.0):
+            out[k] = known[name]
+    return out
 
 
 def _draws(
@@ -258,12 +263,6 @@ def _draws(
         parts.append(_both(recordings, simulation, b, at, ceil(share * DRAWS), random))
     one, two = (np.vstack([parts[0][side][:1], *(part[side][1:] for part in parts)]) for side in (0, 1))
     return _named(recordings, one), _named(recordings, two)
-
-
-def _one_coordinate(q: Comparable) -> str:
-    """The coordinate of a number that is one itself; "" for others."""
-    (name, *others) = q.parts[0]
-    return "" if q.effect or others or q.parts[0][name] != 1.0 else name
 
 
 def _axle_by_axle(chosen: Chosen, candidates: Sequence[Comparable]) -> Chosen:
@@ -329,23 +328,14 @@ def _difference(found: Found, k: int) -> Difference:
         one.name: two.value / one.value if q.relative and one.value else two.value - one.value
         for one, two in zip(simulation, recordings, strict=True)
     }
-    alike = _look_alikes(found, k, rest, gain)
+    base, near = found.subsets.left(rest), dict[int, float]()
+    for j in range(len(found.candidates)):  # that explain nearly as much in its place
+        if j not in found.chosen:
+            g = base - found.subsets.left((*rest, j))
+            near |= {j: g} if g > ALIKE * gain and g > gain - PENALTY else {}
+    alike = tuple(found.candidates[j].name for j in sorted(near, key=lambda j: -near[j]))
     words = difference_sentence(kind, q.name, simulation, recordings, q.relative)
     return Difference(kind, q.name, simulation, recordings, change, q.relative, gain, alike, words)
-
-
-def _look_alikes(found: Found, k: int, rest: Chosen, gain: float) -> tuple[str, ...]:
-    """Other quantities that explain nearly as much in its place."""
-    base = found.subsets.left(rest)
-    gains = {
-        j: base - found.subsets.left((*rest, j))
-        for j in range(len(found.candidates))
-        if j not in found.chosen
-    }
-    near = sorted(
-        (j for j, g in gains.items() if g > ALIKE * gain and g > gain - PENALTY), key=lambda j: -gains[j]
-    )
-    return tuple(found.candidates[j].name for j in near)
 
 
 def _values(q: Comparable, side: Sequence[Values]) -> ByName[Quantity]:

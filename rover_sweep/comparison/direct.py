@@ -17,13 +17,13 @@ from rover_sweep.comparison.common_model import FittedSide
 from rover_sweep.comparison.differences import Found
 from rover_sweep.data.recording import Array
 from rover_sweep.diagnosis.held_out import SWEPT, frequency_responses_of, overlay_of
+from rover_sweep.diagnosis.problem.least_squares import columns, speed_drift
 from rover_sweep.diagnosis.problem.noise_floor import Floor, level_of
 from rover_sweep.diagnosis.problem.residuals import Problem, centred, signals_left, whitened, with_floor
-from rover_sweep.diagnosis.problem.signatures import columns, speed_drift
 from rover_sweep.diagnosis.residual_maps import channel_name
 from rover_sweep.diagnosis.result import TimeHistory
 from rover_sweep.diagnosis.simulation.experiment import CHANNELS, RATE, Experiment
-from rover_sweep.diagnosis.simulation.simulator import Sensors, logged
+from rover_sweep.diagnosis.simulation.simulator import logged
 from rover_sweep.errors import DataRefused
 
 # Which simulated run repeats which recorded run: by their steering.
@@ -58,7 +58,12 @@ def pairs_by_steering(recorded: Sequence[Experiment], simulated: Sequence[Experi
         fits = [(*_difference(run, sim), k) for k, run in enumerate(recorded) if k not in found]
         off, late, k = min(fits, default=(np.inf, 0.0, -1))
         if off > ALIKE:
-            raise DataRefused(_refusal(sim, off))
+            near = f"the nearest differs by {100 * off:.0f} % (rms)"
+            raise DataRefused(
+                f"{sim.name} does not have the steering of any of the runs "
+                f"({'all of them are taken' if off == np.inf else near}); drive the simulation with the "
+                "steering and speed of a run, as `rover-sweep redrive` does"
+            )
         found[k] = Pair(recorded[k], sim, late)
     return [found[k] for k in sorted(found)]
 
@@ -75,14 +80,6 @@ def shared(pair: Pair) -> Pair:
         replace(run, measured={c: run.measured[c] for c in both}) for run in (pair.recorded, pair.simulated)
     )
     return replace(pair, recorded=one, simulated=two)
-
-
-def _refusal(sim: Experiment, off: float) -> str:
-    far = "all of them are taken" if off == np.inf else f"the nearest differs by {100 * off:.0f} % (rms)"
-    return (
-        f"{sim.name} does not have the steering of any of the runs ({far}); drive the simulation with the "
-        "steering and speed of a run, as `rover-sweep redrive` does"
-    )
 
 
 def _difference(run: Experiment, sim: Experiment) -> tuple[float, float]:
@@ -137,7 +134,7 @@ def direct(
     """
     model = recordings.fitted
     left = [
-        tuple(signals_left(run, model.structure, model.x) for run in (p.recorded, p.simulated)) for p in pairs
+        tuple(signals_left(run, model.model, model.x) for run in (p.recorded, p.simulated)) for p in pairs
     ]
     one, two = recordings.plain.floor, simulation.plain.floor
     if unused:
@@ -259,10 +256,9 @@ def predicted(
     compared: Direct, recordings: FittedSide, found: Found, held_out: bool
 ) -> tuple[BeforeAfter, ...]:
     """The simulated runs, and the same plus what the differences that were found change."""
-    structure, out = recordings.fitted.structure, []
+    model, out = recordings.fitted.model, []
     for pair in compared.pairs:
-        sensors = Sensors.of(pair.recorded)
-        ends = [logged(pair.recorded, structure, x[0], sensors) for x in (found.recordings, found.simulation)]
+        ends = [logged(pair.recorded, model, x[0]) for x in (found.recordings, found.simulation)]
         before = simulated_log(pair)
         after = {c: y + ends[0][c] - ends[1][c] for c, y in before.items() if c in ends[0]}
         out.append(BeforeAfter(pair.recorded, before, after, compared.problem.floor, held_out))
@@ -304,13 +300,9 @@ def histories_of(runs: Sequence[BeforeAfter]) -> tuple[TimeHistory, ...]:
 
 def bode_of_runs(runs: Sequence[BeforeAfter]) -> tuple[Bode, ...]:
     """Responses of the first run that is a sweep; none without one."""
-    for one in runs:
-        if one.run.kind in SWEPT:
-            return _bode(one)
-    return ()
-
-
-def _bode(one: BeforeAfter) -> tuple[Bode, ...]:
+    one = next((one for one in runs if one.run.kind in SWEPT), None)
+    if one is None:
+        return ()
     run = one.run
     logs = (centred(run), one.before, one.after)
     measured, before, after = (frequency_responses_of(run, log) for log in logs)

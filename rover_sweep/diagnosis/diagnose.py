@@ -13,7 +13,7 @@ from rover_sweep.data.geometry import Geometry
 from rover_sweep.data.recording import Recording
 from rover_sweep.data.results import ByName
 from rover_sweep.diagnosis.effects import library
-from rover_sweep.diagnosis.held_out import FittedModel, HeldOutRun, compare_held_out, overlays, worse_channels
+from rover_sweep.diagnosis.held_out import HeldOutRun, compare_held_out, overlays, worse_channels
 from rover_sweep.diagnosis.locate import mismatches
 from rover_sweep.diagnosis.posterior.infer import (
     SHARE,
@@ -22,7 +22,6 @@ from rover_sweep.diagnosis.posterior.infer import (
     Options,
     baseline_of,
     infer,
-    nearest_fit,
     without_refuted,
 )
 from rover_sweep.diagnosis.posterior.parameter_intervals import (
@@ -37,6 +36,7 @@ from rover_sweep.diagnosis.posterior.speed_loss import ID as SPEED
 from rover_sweep.diagnosis.posterior.speed_loss import WORSE, earned, speed_finding, speed_loss, unknown_loss
 from rover_sweep.diagnosis.posterior.unnamed import answer_curves
 from rover_sweep.diagnosis.posterior.upper_bounds import upper_bounds
+from rover_sweep.diagnosis.problem.least_squares import Fitted
 from rover_sweep.diagnosis.problem.noise_floor import WINDOW, has_floor, smoothed_channels
 from rover_sweep.diagnosis.result import (
     START,
@@ -182,7 +182,7 @@ def _answer(
     none, last = found.none, found.last
     floor = last.problem.floor
     drawn = draw_coordinates(last, settings.seed)
-    nominal, full = nearest_fit(none), nearest_fit(last)
+    nominal, full = none.closest, last.closest
     minor = dict.fromkeys(found.minor, "it is below the size that matters")
     findings: list[Finding] = []
     for named in found.named:
@@ -199,7 +199,7 @@ def _answer(
     left = None if found.stopped else left_unexplained(found, bool(findings)) or speed.unknown
     left, laws = with_laws_of(left, last, held_out, found.families) if left else (left, None)
     variance = last.fitted.data_cost / last.problem.size
-    whole = FittedModel(last.model, laws.fitted.x, laws.effects) if laws else full
+    whole = laws.fitted if laws else full
     if laws:  # the numbers that are said are those of the model that is kept
         last = replace(last, problem=last.problem.plain, closest=laws.fitted, fitted=laws.fitted)
         drawn = draw_coordinates(last, settings.seed)
@@ -246,7 +246,7 @@ def _speed_answer(
     found: Inference,
     used: Sequence[Experiment],
     held_out: Sequence[HeldOutRun],
-    full: FittedModel,
+    full: Fitted,
     settings: DiagnosisSettings,
 ) -> _SpeedAnswer:
     """Speed lost in turns, where the fitted motion is good enough to know the drag of the turned wheels."""
@@ -262,7 +262,7 @@ def _speed_answer(
     if unnamed or max(last.misfit.values(), default=1.0) > NOTABLE:
         why = "the motion is not explained, so the drag of the turned wheels is not known"
         return _SpeedAnswer({SPEED: why})
-    lost = speed_loss(used, last.model.structure, last.fitted.x, settings.seed)
+    lost = speed_loss(used, last.model, last.fitted.x, settings.seed)
     if not settings.candidates((SPEED,)):
         return _SpeedAnswer(unknown=unknown_loss(lost) if lost.found else None)
     gains = {SPEED: max(lost.gain, 0.0)}

@@ -3,20 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from rover_sweep.data.recording import Array, Recording, Signal
-from rover_sweep.diagnosis.effects import Effect
-from rover_sweep.diagnosis.problem.least_squares import fit
 from rover_sweep.diagnosis.problem.noise_floor import TOP, Floor, level_of
 from rover_sweep.diagnosis.problem.residuals import Problem, centred, signals_left, with_floor
 from rover_sweep.diagnosis.result import Fit, HeldOut, TimeHistory
-from rover_sweep.diagnosis.simulation.candidates import Model
 from rover_sweep.diagnosis.simulation.experiment import RATE, Experiment
-from rover_sweep.diagnosis.simulation.simulator import Sensors, logged
-from rover_sweep.diagnosis.simulation.structure import Structure
+from rover_sweep.diagnosis.simulation.simulator import FittedModel
 from rover_sweep.identification.fit import sampled, weighted_errors
 from rover_sweep.identification.verify import UNITS, theil
 from rover_sweep.identification.verify import Overlay as Channel
@@ -27,25 +23,6 @@ SWEPT = ("sweep", "bias_sweep", "multisine")  # a doublet excites too little for
 SURE = 3.0  # standard deviations, from which two models differ on a run
 EXPLAINABLE = 1.05  # mean square of the rows above which a share removed is computed
 Responses = Mapping[str, FrequencyResponse]
-
-
-@dataclass(frozen=True, eq=False)
-class FittedModel:
-    """A model with its fitted coordinates x {coordinate: value, SI units}. laws: without a name."""
-
-    model: Model
-    x: Mapping[str, float]
-    laws: tuple[Effect, ...] = ()
-
-    @property
-    def structure(self) -> Structure:
-        """What is simulated."""
-        whole = self.model.structure
-        return replace(whole, effects=(*whole.effects, *self.laws))
-
-    def log(self, run: Experiment) -> dict[str, Array]:
-        """The simulated log of the run {channel: (n,)}, SI units."""
-        return logged(run, self.structure, self.x, Sensors.of(run))
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,7 +47,7 @@ class HeldOutRun:
 
     def residual(self, m: FittedModel) -> Array:
         """A model's whitened residual rows (n,)."""
-        return self.problem.residual(m.structure, m.x)
+        return self.problem.residual(m.model, m.x)
 
 
 def scaled_floor(run: Experiment, floor: Floor, whole: FittedModel) -> Floor:
@@ -78,7 +55,7 @@ def scaled_floor(run: Experiment, floor: Floor, whole: FittedModel) -> Floor:
 
     A slower run vibrates less. One run has too few quiet frames for a floor of its own, so the shape stays.
     """
-    return floor.times(level_of(run, signals_left(run, whole.structure, whole.x), floor))
+    return floor.times(level_of(run, signals_left(run, whole.model, whole.x), floor))
 
 
 def compare_held_out(held: HeldOutRun, before: FittedModel, after: FittedModel) -> HeldOut:
@@ -114,13 +91,6 @@ def worse_by(before: Array, after: Array) -> float:
     return float(after @ after - before @ before) - SURE * spread
 
 
-def refitted_without(effect: str, used: Problem, whole: FittedModel) -> FittedModel:
-    """The full model without one of its effects, refitted to the used runs."""
-    rest = whole.model.without(effect)
-    found = fit(used, rest.structure, rest.free, whole.x)
-    return FittedModel(rest, found.x)
-
-
 def fit_of(held: HeldOutRun, m: FittedModel) -> Fit:
     """J_rms and TIC, equations (15) and (16) of the paper, without the outputs' biases; J of a sweep."""
     run, log, data = held.run, m.log(held.run), centred(held.run)
@@ -146,15 +116,6 @@ def recorded(run: Experiment, log: Mapping[str, Array]) -> Recording:
     return Recording(run.name, signals, (float(run.t[0]), float(run.t[-1])), "other")
 
 
-def as_sampled(run: Experiment, log: Mapping[str, Array]) -> dict[str, Array]:
-    """The log {channel: (n,)} on the run's grid after sampling at the channels' own rates."""
-    out = {}
-    for channel, y in log.items():
-        stamps = np.arange(run.t[0], run.t[-1] + 1e-9, 1.0 / run.rates[channel])
-        out[channel] = np.interp(run.t, stamps, np.interp(stamps, run.t, y))
-    return out
-
-
 def response_costs(run: Experiment, measured: Responses, log: Mapping[str, Array]) -> dict[str, float]:
     """{output: J}, equation (11) of the paper, of a simulated log {channel: (n,)} in the coherent bands.
 
@@ -162,8 +123,11 @@ def response_costs(run: Experiment, measured: Responses, log: Mapping[str, Array
     and leakage are the same in both. measured: responses of the recorded run; one without a usable band is
     left out.
     """
-    simulated = frequency_responses_of(run, as_sampled(run, log))
-    out = {}
+    as_sampled = {}  # at the channels' own rates
+    for channel, y in log.items():
+        stamps = np.arange(run.t[0], run.t[-1] + 1e-9, 1.0 / run.rates[channel])
+        as_sampled[channel] = np.interp(run.t, stamps, np.interp(stamps, run.t, y))
+    simulated, out = frequency_responses_of(run, as_sampled), {}
     for output, response in measured.items():
         if response.band is not None:
             data = sampled(response, response.band)

@@ -9,204 +9,108 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from math import cos, sin
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rover_sweep.data.recording import Array, LowPass
 from rover_sweep.diagnosis.effects.effect import (
-    CommandEffect,
-    DriftEffect,
     FilterEffect,
     ForceEffect,
     GripEffect,
-    LinkageEffect,
     ServoEffect,
     SpeedEffect,
-    SpeedGripEffect,
+    SteeringEffect,
 )
 from rover_sweep.diagnosis.effects.sensors import USUAL_DELAY
 from rover_sweep.diagnosis.simulation.augmented import DERIVATIVES, AugmentedModel
+from rover_sweep.identification.models import lumped_matrices, roll_yaw_matrices
 from rover_sweep.identification.state_space import Matrices, ModelStructure, Parameter
 
-# The rows of a linear rover's equations, by the names of its states: M x' = F x + G u, y = H0 x + H1 x'.
-#
-# Three kinds: tyres (equation (18) of the paper, corrected), kinematic (the yaw rate follows the steering at
-# once), lumped derivatives (equation (19)); each with servo, roll, tyre relaxation and IMU. States: wheel
-# [rad], wheel_rate [rad/s], V_y [m/s], r, p [rad/s], phi [rad], F_f, F_r [N], V_m [m/s].
+# The states of a linear rover: wheel [rad], wheel_rate [rad/s], V_y [m/s], r, p [rad/s], phi [rad], F_f, F_r
+# [N], V_m [m/s]. The rows of the body are those of the identified models.
 
 
 FAST = 1e4  # rad/s, bandwidth of a yaw rate that follows the steering at once
-Kind = Literal["tyres", "kinematic", "lumped"]
-AXES = {"v": "V_y", "p": "p", "r": "r", "phi": "phi"}
+BODY = ("V_y", "r", "p", "phi")
 
 
-class Equations:
-    """Rows of M (n, n), F (n, n), G (n,), filled by the names of the n states; a term is {state: factor}.
+def linear_matrices(p: Mapping[str, Any], states: tuple[str, ...], lumped: bool, outputs: int) -> Matrices:
+    """M, F, G, H0, H1 in these states, of the first outputs of r, ay, vydot and p as the IMU measures them.
 
     p: {parameter: SI value} with the names of `linear`, and "V" [m/s].
     """
-
-    def __init__(self, p: Mapping[str, Any], states: tuple[str, ...], kind: Kind) -> None:
-        self.p, self.states, self.kind = p, states, kind
-        self.slip, self.roll = "V_y" in states, "phi" in states
-        dtype = np.result_type(*(np.asarray(v).dtype for v in p.values()), float)
-        self.m, self.f = (np.zeros((len(states), len(states)), dtype) for _ in range(2))
-        self.g = np.zeros(len(states), dtype)
-
-    def matrices(self, outputs: tuple[str, ...]) -> Matrices:
-        """M, F, G, H0, H1 for these outputs."""
-        self._servo()
-        if self.kind == "lumped":
-            self._derivatives()
-        else:
-            self._tyres() if self.slip else self._follows()
-            if self.roll:
-                self._rolls()
-        self._velocity()
-        h0, h1 = self._outputs(outputs)
-        return Matrices(self.m, self.f, self.g, h0, h1)
-
-    def _at(self, state: str) -> int:
-        return self.states.index(state)
-
-    def _put(self, matrix: Array, row: str, terms: Mapping[str, Any]) -> None:
-        for state, factor in terms.items():
-            matrix[self._at(row), self._at(state)] += factor
-
-    def _steer(self, row: str, factor: Any) -> None:
-        """Add a term of a row in the true wheel angle."""
-        if "wheel" in self.states:
-            self._put(self.f, row, {"wheel": factor})
-        else:
-            self.g[self._at(row)] += factor * self.p["gain"]
-        if "e_roll" in self.p:
-            self._put(self.f, row, {"phi": factor * self.p["e_roll"]})
-
-    def _servo(self) -> None:
-        """lag d' + shape lag^2 d'' + d = gain u."""
-        if "wheel" not in self.states:
-            return
-        p = self.p
-        if "wheel_rate" in self.states:
-            self._put(self.m, "wheel", {"wheel": 1.0})
-            self._put(self.f, "wheel", {"wheel_rate": 1.0})
-            self._put(self.m, "wheel_rate", {"wheel_rate": p["lag_shape"] * p["lag"] ** 2})
-            self._put(self.f, "wheel_rate", {"wheel": -1.0, "wheel_rate": -p["lag"]})
-            self.g[self._at("wheel_rate")] = p["gain"]
-        else:
-            self._put(self.m, "wheel", {"wheel": p["lag"]})
-            self._put(self.f, "wheel", {"wheel": -1.0})
-            self.g[self._at("wheel")] = p["gain"]
-
-    def _tyres(self) -> None:
-        """Side force and yaw moment of both axles, with the relaxation length where it is a state."""
-        p, v = self.p, self.p["V"]
-        self._put(self.m, "V_y", {"V_y": p["m"]})
-        self._put(self.f, "V_y", {"r": -p["m"] * v})
-        self._put(self.m, "r", {"r": p["Izz"]})
-        against = p.get("yaw_damp", 0.0) + p.get("yaw_damp_v", 0.0) / v
-        self._put(self.f, "r", {"r": -against})
-        soft = p["Cf"] / (1.0 + p.get("compliance", 0.0) * p["Cf"])  # the angle that the force takes away
-        axles = (("F_f", soft, p["a"], True), ("F_r", p["Cr"], -p["b"], False))
-        for force, c, arm, steered in axles:
-            slip = {"V_y": -c / v, "r": -c * arm / v}
-            if not steered and "e_rear" in p:
-                slip["phi"] = c * p["e_rear"]
-            if force in self.states:
-                self._put(self.m, force, {force: p["sigma"] / v})
-                self._put(self.f, force, {force: -1.0, **slip})
-                if steered:
-                    self._steer(force, c)
-                self._put(self.f, "V_y", {force: 1.0})
-                self._put(self.f, "r", {force: arm})
-                continue
-            for row, lever in (("V_y", 1.0), ("r", arm)):
-                self._put(self.f, row, {state: lever * factor for state, factor in slip.items()})
-                if steered:
-                    self._steer(row, lever * c)
-
-    def _follows(self) -> None:
-        """r = V d/L at once."""
-        self._put(self.m, "r", {"r": 1.0 / FAST})
-        self._put(self.f, "r", {"r": -1.0})
-        self._steer("r", self.p["V"] / self.p["L_eff"])
-
-    def _derivatives(self) -> None:
-        """V_y' + V r, p' and r' by the derivatives; those by v and r are divided by the speed."""
-        v = self.p["V"]
-        rows = {"Y": "V_y", "L": "p", "N": "r"} if self.roll else {"Y": "V_y", "N": "r"}
-        for row, state in rows.items():
-            self._put(self.m, state, {state: 1.0})
-            for column, by in AXES.items():
-                if by in self.states:
-                    per = 1.0 / v if column in "vr" else 1.0
-                    self._put(self.f, state, {by: per * self.p.get(f"{row}_{column}", 0.0)})
-            self._steer(state, self.p[f"{row}_delta"])
-        self._put(self.f, "V_y", {"r": -v})
-        if self.roll:
-            self._put(self.m, "phi", {"phi": 1.0})
-            self._put(self.f, "phi", {"p": 1.0})
-
-    def _rolls(self) -> None:
-        """(Ixx + ms h^2) p' + Ixz r' - h ms (V_y' + V r) = (ms g h - k) phi - b p, and its reactions."""
-        p, v = self.p, self.p["V"]
-        hm = p["h"] * p["ms"]
-        self._put(self.m, "p", {"p": p["Ixx"] + hm * p["h"], "r": p["Ixz"]})
-        self._put(self.f, "p", {"r": hm * v, "p": -p["b_phi"], "phi": hm * p["g"] - p["k_phi"]})
-        self._put(self.m, "phi", {"phi": 1.0})
-        self._put(self.f, "phi", {"p": 1.0})
-        if self.slip:
-            self._put(self.m, "p", {"V_y": -hm})
-            self._put(self.m, "V_y", {"p": -hm})
-            self._put(self.m, "r", {"p": p["Ixz"]})
-
-    def _velocity(self) -> None:
-        """T V_m' = V_y at the IMU - V_m - T V r: the axes turn while the velocity lags."""
-        if "V_m" not in self.states:
-            return
-        p = self.p
-        self._put(self.m, "V_m", {"V_m": p["vy_lag"]})
-        self._put(self.f, "V_m", {**self._at_imu(measured=True), "V_m": -1.0})
-        self._put(self.f, "V_m", {"r": -p["vy_lag"] * p["V"]})
-
-    def _at_imu(self, measured: bool) -> dict[str, Any]:
-        """Lateral velocity at the IMU by the states; V_y of derivatives is already the measured one."""
-        away = 0.0 if measured and self.kind == "lumped" else 1.0
-        found = {"r": away * self.p["imu_x"]} | ({"V_y": 1.0} if self.slip else {})
-        return found | ({"p": -away * self.p["imu_z"]} if self.roll else {})
-
-    def _outputs(self, outputs: tuple[str, ...]) -> tuple[Array, Array]:
-        """H0, H1 (outputs, n) of r, ay, vydot and p as the IMU measures them."""
-        p = self.p
-        rate, speed = self._at_imu(measured=False), self._at_imu(measured=True)
-        turned, tilt = p.get("yaw", 0.0), p.get("pitch", 0.0)
-        level = cos(turned)
-        ay = {"r": level * p["V"]} | ({"phi": level * p["g"]} if self.roll else {})
-        mix = (cos(tilt), sin(tilt)) if self.roll else (1.0, 0.0)
-        scales = {c: 1.0 + p.get("gyro_scale", 0.0) for c in "rp"} | {"ay": 1.0 + p.get("accel_scale", 0.0)}
-        gain = 1.0 + p.get("vy_gain", 0.0)
-        shown: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
-            "r": ({"r": mix[0]} | ({"p": mix[1]} if self.roll else {}), {}),
-            "ay": (ay, {state: level * factor for state, factor in rate.items()}),
-            "vydot": (
-                {},
-                {s: gain * k for s, k in ({"V_m": 1.0} if "V_m" in self.states else speed).items()},
-            ),
-            "p": ({"p": mix[0], "r": -mix[1]} if self.roll else {}, {}),
-        }
-        h = np.zeros((2, len(outputs), len(self.states)), self.m.dtype)
-        for row, output in enumerate(outputs):
-            for k, terms in enumerate(shown[output]):
-                for state, factor in terms.items():
-                    h[k, row, self._at(state)] += scales.get(output, 1.0) * factor
-        return h[0], h[1]
+    v, n, at = p["V"], len(states), {state: k for k, state in enumerate(states)}
+    own = [state for state in BODY if state in states]
+    q = dict.fromkeys((*ROVER, *ROLLING, *OPTIONAL, *DERIVATIVES), 0.0) | dict(p)
+    if lumped:
+        body = lumped_matrices(q | {name: q[name] / v for name in DERIVATIVES if name[-1] in "vr"})
+        order = ["V_y", "p", "r", "phi"]
+    else:
+        body, order = roll_yaw_matrices(q | {"Cf": 0.0, "Cr": 0.0}), list(BODY)
+    dtype = np.result_type(*(np.asarray(value).dtype for value in p.values()), float)
+    (m, f), by_wheel = np.zeros((2, n, n), dtype), np.zeros(n, dtype)  # F and G for the true wheel angle
+    h0, h1 = np.zeros((2, outputs, n), dtype)
+    rows, kept = [at[state] for state in own], [order.index(state) for state in own]
+    m[np.ix_(rows, rows)], f[np.ix_(rows, rows)] = (x[np.ix_(kept, kept)] for x in (body.m, body.f))
+    h0[:, rows], h1[:, rows] = body.h0[:outputs, kept], body.h1[:outputs, kept]
+    r = at["r"]
+    if lumped:
+        by_wheel[rows], h1[2] = body.g[kept], np.eye(n)[at["V_y"]]  # this V_y is the measured one
+    elif "V_y" not in at:
+        m[r], f[r] = np.eye(n)[r] / FAST, -np.eye(n)[r]
+        by_wheel[r] = v / p["L_eff"]
+    else:
+        soft = q["Cf"] / (1.0 + q["compliance"] * q["Cf"])  # the angle that the force takes away
+        for force, c, arm, steer, by_roll in (
+            ("F_f", soft, q["a"], soft, 0.0),
+            ("F_r", q["Cr"], -q["b"], 0.0, q["Cr"] * q["e_rear"]),
+        ):
+            side, on_body = np.zeros((2, n), dtype)
+            side[at["V_y"]], side[r], on_body[at["V_y"]], on_body[r] = -c / v, -c * arm / v, 1.0, arm
+            if by_roll:
+                side[at["phi"]] = by_roll
+            if force in at:
+                k = at[force]
+                m[k, k], f[k], by_wheel[k] = q["sigma"] / v, side, steer
+                f[k, k] = -1.0
+                f[:, k] += on_body
+            else:
+                f += np.outer(on_body, side)
+                by_wheel += on_body * steer
+        f[r, r] -= q["yaw_damp"] + q["yaw_damp_v"] / v
+    if "e_roll" in p:
+        f[:, at["phi"]] += by_wheel * p["e_roll"]
+    g = by_wheel * p["gain"]
+    if "wheel" in at:  # lag d' + shape lag^2 d'' + d = gain u
+        f[:, at["wheel"]] += by_wheel
+        last, servo = ("wheel_rate" if "wheel_rate" in at else "wheel"), at["wheel"]
+        g = np.eye(n)[at[last]] * p["gain"]
+        f[at[last], servo] -= 1.0
+        m[at[last], at[last]] = p["lag"]
+        if last == "wheel_rate":
+            m[servo, servo] = f[servo, at[last]] = 1.0
+            m[at[last], at[last]], f[at[last], at[last]] = p["lag_shape"] * p["lag"] ** 2, -p["lag"]
+    if "V_m" in at:  # T V_m' = V_y at the IMU - V_m - T V r: the axes turn while the velocity lags
+        k = at["V_m"]
+        m[k, k], f[k] = p["vy_lag"], h1[2] - np.eye(n)[k]
+        f[k, r] -= p["vy_lag"] * v
+        h1[2] = np.eye(n)[k]
+    if "p" in at:
+        c, s = cos(q["pitch"]), sin(q["pitch"])
+        h0[[0, 3]] = np.array([[c, s], [-s, c]]) @ h0[[0, 3]]
+        h0[3] *= 1.0 + q["gyro_scale"]
+    h0[0] *= 1.0 + q["gyro_scale"]
+    for h in (h0, h1):
+        h[1] *= cos(q["yaw"]) * (1.0 + q["accel_scale"])
+    h1[2] *= 1.0 + q["vy_gain"]
+    return Matrices(m, f, g, h0, h1)
 
 
-NOT_LINEAR = CommandEffect | LinkageEffect | ServoEffect
+NOT_LINEAR = SteeringEffect | ServoEffect
 CURVED = ("tyre_saturation", "load_transfer", "suspension_friction")
-NOT_OF_THE_ROVER = ForceEffect | GripEffect | DriftEffect | SpeedGripEffect | SpeedEffect
+NOT_OF_THE_ROVER = ForceEffect | GripEffect | SpeedEffect
 UNITS = {
     name: unit
     for unit, names in {
@@ -244,13 +148,12 @@ def linear(model: AugmentedModel) -> ModelStructure:
     steering and of the outputs.
     """
     values = _values(model)
-    slip, roll = model.structure.slip, model.structure.roll
-    kind: Kind = "lumped" if model.lumped else "tyres" if slip else "kinematic"
+    slip, roll = model.simulated.slip, model.simulated.roll
     states = _states(values, slip, roll)
     outputs = ("r", "ay", "vydot", "p") if roll else ("r", "ay", "vydot")
 
     def build(p: Mapping[str, Any]) -> Matrices:
-        return Equations(p, states, kind).matrices(outputs)
+        return linear_matrices(p, states, model.lumped, len(outputs))
 
     return ModelStructure(
         name=model.name,
@@ -321,7 +224,7 @@ def _values(model: AugmentedModel) -> dict[str, float]:
     """{name: SI value} of the parameters that this model has."""
     n, x = model.numbers, model.value
     delay, late = _delays(model)
-    roll = model.structure.roll
+    roll = model.simulated.roll
     own: tuple[str, ...] = ("Izz", "Ixz", "g", "imu_x", "L_eff") if "L_eff" in n else ROVER
     rolling: tuple[str, ...] = ROLLING
     if model.lumped:

@@ -11,7 +11,7 @@ from scipy.special import fdtrc, ndtr
 
 from rover_sweep.data.recording import Array
 from rover_sweep.diagnosis.problem.noise_floor import HARMONICS, quiet_frames
-from rover_sweep.diagnosis.problem.residuals import MEANS, Problem, Rows
+from rover_sweep.diagnosis.problem.residuals import MEANS, Problem
 from rover_sweep.diagnosis.result import Mismatch, Profile
 from rover_sweep.diagnosis.simulation.candidates import same_speed
 from rover_sweep.diagnosis.simulation.experiment import RATE, Experiment
@@ -30,7 +30,6 @@ class Residual:
     band.
     """
 
-    index: int
     run: Experiment
     channel: str
     x: Array
@@ -42,21 +41,21 @@ class Residual:
 
 def residuals_of(problem: Problem, rows: Array, channel: str) -> list[Residual]:
     """The channel's residual in each run that has it; rows (size,): whitened, measured minus model."""
-    return [_residual(problem, rows, r) for r in problem.rows if r.channel == channel and np.any(r.bins > 0)]
-
-
-def _residual(problem: Problem, rows: Array, r: Rows) -> Residual:
-    run = problem.runs[r.run]
-    n, energy = run.t.size, float(np.sum(run.taper**2))
-    lines = np.zeros(n // 2 + 1, complex)
-    part = rows[r.start : r.start + r.size]
-    lines[r.bins] = part[: r.bins.size] + 1j * part[r.bins.size :]
-    lines[0] = 0.0  # the mean has another accuracy than the noise, see `steady`
-    inside = r.bins > 0
-    noise = 4 * inside.sum() / n * run.taper**2 / energy
-    w = 2 * np.pi * np.arange(n // 2 + 1) * RATE / n
-    low, high = float(w[r.bins[inside][0]]), float(w[r.bins[-1]])
-    return Residual(r.run, run, r.channel, np.fft.irfft(lines, n), noise, 4 / (RATE * energy), low, high)
+    out = []
+    for r in (r for r in problem.rows if r.channel == channel and np.any(r.bins > 0)):
+        run = problem.runs[r.run]
+        n, energy = run.t.size, float(np.sum(run.taper**2))
+        lines = np.zeros(n // 2 + 1, complex)
+        part = rows[r.start : r.start + r.size]
+        lines[r.bins] = part[: r.bins.size] + 1j * part[r.bins.size :]
+        lines[0] = 0.0  # the mean has another accuracy than the noise, see `steady`
+        inside = r.bins > 0
+        noise = 4 * inside.sum() / n * run.taper**2 / energy
+        w = 2 * np.pi * np.arange(n // 2 + 1) * RATE / n
+        low, high = float(w[r.bins[inside][0]]), float(w[r.bins[-1]])
+        x = np.fft.irfft(lines, n)
+        out.append(Residual(run, r.channel, x, noise, 4 / (RATE * energy), low, high))
+    return out
 
 
 def spectrum(problem: Problem, rows: Array, channel: str, run: int | None = None) -> tuple[Array, Array]:
@@ -266,29 +265,26 @@ def by_heading(problem: Problem, rows: Array, channel: str) -> Iterator[Mismatch
     # a drop by two signals that is as rare as `SIGMAS` on both sides
     if found is None or found.drop < -2 * np.log(2 * ndtr(-SIGMAS)) or found.ratio < LARGE:
         return
-    if not _in_every_run(problem, rows, channel, heading, found):
+    agree = []  # of all runs with enough headings, at least two
+    for k, run in enumerate(problem.runs):
+        alone = fit_signals(problem, rows, channel, _of_the_motion, heading, k)
+        if alone is not None and np.ptp(run.heading) >= np.pi / 2:
+            off, near = np.abs(alone.amounts - found.amounts), 0.5 * np.hypot(*found.amounts)
+            agree.append(bool(np.all(off < np.maximum(near, SIGMAS * alone.errors))))
+    if len(agree) < 2 or not all(agree):
         return
     across = WINDS[int(np.round(np.arctan2(found.amounts[1], found.amounts[0]) / (np.pi / 4))) % 8]
     sentence = (
         f"{channel_name(channel)} differs with the heading by {noise_ratio(found.ratio)}: most to the left "
         f"when the rover heads {across}, and to the right in the opposite direction"
     )
-    profile = _by_octant(problem, found)
+    # the fitted part over noise, left positive, for eight headings clockwise from N; 0 where not driven
+    driven = np.round(np.concatenate([run.heading for run in problem.runs]) / (np.pi / 4)).astype(int) % 8
+    turned = -np.arange(8) * np.pi / 4  # the heading is left positive
+    part = np.array([np.cos(turned), np.sin(turned)]).T @ (found.amounts / np.hypot(*found.amounts))
+    ratio = np.where(np.isin(-np.arange(8) % 8, driven), found.ratio * part, 0.0)
+    profile = Profile("heading", "", COMPASS, tuple(map(float, ratio)))
     yield Mismatch(channel, (0.0, SLOW), f"heading {across}", found.ratio, sentence, profile)
-
-
-def _in_every_run(problem: Problem, rows: Array, channel: str, heading: Signals, found: SignalFit) -> bool:
-    """True where all runs with enough headings, at least two, agree on the amounts."""
-    agree = []
-    for k, run in enumerate(problem.runs):
-        if np.ptp(run.heading) < np.pi / 2:
-            continue
-        alone = fit_signals(problem, rows, channel, _of_the_motion, heading, k)
-        if alone is not None:
-            off = np.abs(alone.amounts - found.amounts)
-            near = 0.5 * np.hypot(*found.amounts)
-            agree.append(bool(np.all(off < np.maximum(near, SIGMAS * alone.errors))))
-    return len(agree) > 1 and all(agree)
 
 
 def _of_the_motion(run: Experiment) -> dict[str, Array]:
@@ -310,16 +306,6 @@ def _of_the_motion(run: Experiment) -> dict[str, Array]:
         "side": np.tanh(10.0 * turn),
         "way": np.tanh(10.0 * rate),
     }
-
-
-def _by_octant(problem: Problem, found: SignalFit) -> Profile:
-    """The fitted part over noise, left positive, for eight headings clockwise from N; 0 where not driven."""
-    headings = np.concatenate([run.heading for run in problem.runs])
-    driven = np.unique(np.round(headings / (np.pi / 4)).astype(int) % 8)
-    turned = -np.arange(8) * np.pi / 4  # the heading is left positive
-    part = np.array([np.cos(turned), np.sin(turned)]).T @ (found.amounts / np.hypot(*found.amounts))
-    ratio = np.where(np.isin(-np.arange(8) % 8, driven), found.ratio * part, 0.0)
-    return Profile("heading", "", COMPASS, tuple(map(float, ratio)))
 
 
 # Location by the cycles of a sweep's steering: harmonics, and the part of a run that differs from others.

@@ -74,7 +74,7 @@ def linear_prediction(
     space: tangent of the base. The best of several sizes, or instants, counts.
     """
     starts = _starts(effect, problem, base, model)
-    models = problem.models(model.structure, [{**base.x, **s} for s in starts])
+    models = problem.models(model, [{**base.x, **s} for s in starts])
     now = problem.measured - base.rows
     outside = space.outside(base.rows)
     best: tuple[float, float, dict[str, float]] | None = None
@@ -164,14 +164,14 @@ def screen(problem: Problem, base: Fitted, space: Tangent, model: Model, effect:
 
 def fit_from(problem: Problem, base: Fitted, one: Screened) -> Fitted:
     """The model with the effect, fitted from its linear prediction; from nearer where that went astray."""
-    free, structure = one.model.free, one.model.structure
+
     known = None if one.effect in DEGREES_OF_FREEDOM else base
-    found = fit(problem, structure, free, {**base.x, **one.start}, known=known)
+    found = fit(problem, one.model, {**base.x, **one.start}, known=known)
     if known is not None and base.cost - found.cost < ASTRAY * one.predicted:
         nearer = {
             k: v if k.endswith(".t") else 0.7 * base.x.get(k, 0.0) + 0.3 * v for k, v in one.start.items()
         }
-        again = fit(problem, structure, free, {**base.x, **nearer}, known=known)
+        again = fit(problem, one.model, {**base.x, **nearer}, known=known)
         found = again if again.cost < found.cost else found
     return found
 
@@ -289,4 +289,4 @@ def _freed(problem: Problem, fitted: Fitted, c: Coordinate) -> Fitted:
     low = c.low if c.low == 0.0 else c.start - 5.0 * (c.start - c.low)
     wide = replace(c, low=low, high=c.start + 5.0 * (c.high - c.start), prior=None)
     free = tuple(wide if one.name == c.name else one for one in fitted.free)
-    return fit(problem, fitted.structure, free, fitted.x, known=fitted)
+    return fit(problem, fitted.model, fitted.x, free, known=fitted)

@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rover_sweep.data.recording import Array
-from rover_sweep.diagnosis.effects import Effect
 from rover_sweep.diagnosis.held_out import EXPLAINABLE, HeldOutRun
 from rover_sweep.diagnosis.posterior.infer import Inference
 from rover_sweep.diagnosis.posterior.model_fit import ModelFit, RunTransfers, transfers
@@ -41,18 +40,6 @@ from rover_sweep.diagnosis.verdict import NOTABLE
 BLOCK = 8  # lines whose level is one number
 
 
-@dataclass(frozen=True, eq=False)
-class _Blocks:
-    """m blocks of lines of one run: above (m,), power of their rows above the noise; explained {place: (m,)}.
-
-    loud (m,): the power of all channels, or of one, is significantly above the noise.
-    """
-
-    above: Array
-    loud: NDArray[np.bool_]
-    explained: Mapping[str, Array]
-
-
 def input_places(problem: Problem, found: Sequence[RunTransfers], residual: Array) -> tuple[str, ...]:
     """The places at which an input explains most of a residual (size,), the best first; () for none.
 
@@ -60,13 +47,13 @@ def input_places(problem: Problem, found: Sequence[RunTransfers], residual: Arra
     before a force. An input explains at least half, and nearly as much as another where it has 93 % of that.
     """
     blocks = [_blocks(problem, one, run, residual) for run, one in enumerate(found)]
-    loud = np.concatenate([b.loud for b in blocks])
+    over, loud = (np.concatenate(parts) for parts in zip(*(b[:2] for b in blocks), strict=True))
     if np.count_nonzero(loud) < 4:
         return ()
-    above = float(np.concatenate([b.above for b in blocks])[loud].sum())
+    above = float(over[loud].sum())
     share = {}
     for place in found[0].responses:
-        explained = np.concatenate([b.explained[place] for b in blocks])
+        explained = np.concatenate([by_place[place] for _, _, by_place in blocks])
         usual = float(np.sum(explained[~loud])) / max(int(np.count_nonzero(~loud)), 1)
         share[place] = float(np.sum(explained[loud] - usual)) / above
     best = max(share.values())
@@ -74,7 +61,13 @@ def input_places(problem: Problem, found: Sequence[RunTransfers], residual: Arra
     return tuple(sorted(alike, key=lambda p: (not p.startswith("sensor"), p != "steering")))
 
 
-def _blocks(problem: Problem, one: RunTransfers, run: int, residual: Array) -> _Blocks:
+def _blocks(
+    problem: Problem, one: RunTransfers, run: int, residual: Array
+) -> tuple[Array, NDArray[np.bool_], dict[str, Array]]:
+    """(above, loud, {place: explained}) of the m blocks of lines of one run, each (m,).
+
+    above: power of their rows above the noise. loud: that of all channels, or of one, is significant.
+    """
     rows = [r for r in problem.rows if r.run == run]
     lines = np.unique(np.concatenate([r.bins for r in rows]))
     at = [np.searchsorted(lines, r.bins) for r in rows]
@@ -93,13 +86,11 @@ def _blocks(problem: Problem, one: RunTransfers, run: int, residual: Array) -> _
                 size[where] += np.abs(h) ** 2
         explained[place] = _summed(np.abs(along) ** 2 / np.maximum(size, 1e-300))
     each, count = _summed(power), _summed(number)
-    over, every = (
-        each - count,
-        count.sum(axis=0),
-    )  # the noise of n rows has the power n, with the variance 2 n
+    # the noise of n rows has the power n, with the variance 2 n
+    over, every = each - count, count.sum(axis=0)
     loud = over.sum(axis=0) > SIGMAS * np.sqrt(2.0 * every)
     loud |= np.any((over > SIGMAS * np.sqrt(2.0 * count)) & (count == 2.0 * BLOCK), axis=0)
-    return _Blocks(over.sum(axis=0), loud, explained)
+    return over.sum(axis=0), loud, explained
 
 
 def _summed(x: Array) -> Array:
@@ -152,11 +143,6 @@ class FoundLaws:
     held_out: tuple[LawHeldOut, ...] = ()
 
     @property
-    def effects(self) -> tuple[Effect, ...]:
-        """The laws as effects, on top of those of the model."""
-        return self.fitted.structure.effects[-len(self.laws) :]
-
-    @property
     def share_removed(self) -> float | None:
         """Share of the held-out residual above the floor that they remove; None where no run can judge it."""
         judged = [h for h in self.held_out if h.share_left is not None]
@@ -204,19 +190,19 @@ def _with(
     problem: Problem, base: Fitted, best: UnnamedFamily, name: str, variance: float
 ) -> tuple[FoundLaw, Fitted]:
     """A family fitted with all that a model has: (the law, the model with its own Jacobian)."""
-    root = best.prior_root(variance)
-    start = np.linalg.lstsq(root, best.amounts(variance))[0]
+    _, amounts, root = best.at_best(variance)
+    start = np.linalg.lstsq(root, amounts)[0]
     free = [Coordinate(f"{name}.z{k}", 0.0, -np.inf, np.inf, 1.0, np.sqrt(COARSE)) for k in range(start.size)]
     if best.law.memory == "resonance":
         free += [Coordinate(f"{name}.{n}", 0.0, -SPREAD * s, SPREAD * s, s, s) for n, s in RESONATOR.items()]
-    effect = law_effect(best.law, base.structure.rover, name, root)
-    structure = replace(base.structure, effects=(*base.structure.effects, effect))
+    effect = law_effect(best.law, base.model.rover, name, root)
+    model = replace(base.model, unnamed=(*base.model.unnamed, effect))
     for share in SHARES:
         x = {**base.x, **{c.name: share * float(z) for c, z in zip(free, start, strict=False)}}
-        rows = problem.residual(structure, x)
+        rows = problem.residual(model, x)
         if rows @ rows < base.cost:
             break
-    found = fit(problem, structure, (*base.free, *free), x, steps=5, known=base, tolerance=5e-4 * base.cost)
+    found = fit(problem, model, x, (*base.free, *free), steps=5, known=base, tolerance=5e-4 * base.cost)
     return FoundLaw(best.law, (), base.cost - found.cost, name, root), sensitivities(problem, found)
 
 
@@ -232,7 +218,7 @@ def _places(every: Sequence[UnnamedFamily], variance: float, best: UnnamedFamily
 
 
 def _judged(name: str, held: Problem, base: Fitted, best: Fitted) -> LawHeldOut:
-    before, after = (float(np.mean(held.residual(f.structure, f.x) ** 2)) for f in (base, best))
+    before, after = (float(np.mean(held.residual(f.model, f.x) ** 2)) for f in (base, best))
     share = (after - 1.0) / (before - 1.0) if before > EXPLAINABLE else None
     return LawHeldOut(name, before, after, share)
 
@@ -317,10 +303,16 @@ def could_be(law: TableLaw) -> str:
             return "a linkage that gives"
         return "a mast of the IMU that sways" if law.place.startswith("sensor") else "a load that swings"
     if law.memory == "lag":
-        what = "sensor or its filter" if law.place.startswith("sensor") else _lagging(law.place)
+        parts = {"steering": "servo or linkage", "roll moment": "suspension"}
+        sensor = law.place.startswith("sensor")
+        what = "sensor or its filter" if sensor else parts.get(law.place, "tyre force")
         return f"a {what} that lags by about {law.size:g} s"
     if law.place.startswith("sensor"):
-        return _sensor(law.over)
+        if law.over == "signal":
+            return "a wrong scale of the sensor"
+        if law.over in ("signal_dot", "r_dot", "p_dot"):
+            return "a lag of the sensor, or another position of it"
+        return _OVER.get(law.over, "a sensor that is tilted or measures another motion too")
     return _COULD_BE.get((law.place, law.over)) or _OVER.get(law.over) or f"a missing {law.place}"
 
 
@@ -381,18 +373,6 @@ def _acts(law: TableLaw, places: tuple[str, ...]) -> str:
     return f"a law over {over_words(law)} acts on {at}"
 
 
-def _lagging(place: str) -> str:
-    return {"steering": "servo or linkage", "roll moment": "suspension"}.get(place, "tyre force")
-
-
-def _sensor(over: str) -> str:
-    if over == "signal":
-        return "a wrong scale of the sensor"
-    if over in ("signal_dot", "r_dot", "p_dot"):
-        return "a lag of the sensor, or another position of it"
-    return _OVER.get(over, "a sensor that is tilted or measures another motion too")
-
-
 DRAWN = 200  # laws for a band
 GAINS = (0.3, 20.0)  # Hz, of a resonator's curve
 NO_LAW = "no law over one quantity of the motion, and no resonance, explains it"
@@ -433,8 +413,12 @@ def with_laws_of(
     if left.channel == "V":
         return replace(left, place="speed"), None
     found = find_laws(last, {h.run.name: h.problem for h in held_out}, known)
-    if found is None:
-        return _without_law(left, last), None
+    if found is None:  # the place where one unmeasured input explains most
+        plain, near = last.problem.plain, last.closest
+        likely = input_places(plain, transfers(plain.runs, near.model, near.x), near.rows)
+        at = " or ".join(place_words(p) for p in likely)
+        words = f"{left.sentence}; {f'it has the pattern of an unmeasured input at {at}' if at else NO_LAW}"
+        return replace(left, sentence=words, place="".join(likely[:1]), alternatives=likely[1:]), None
     laws, first = [one.at(found.fitted.x) for one in found.laws], found.laws[0]
     holds = found.holds
     words = laws_sentence(laws, first.alternatives, found.share_removed, holds)
@@ -453,17 +437,6 @@ def with_laws_of(
             next_run=next_run(laws[0]),
         ),
         found if holds else None,
-    )
-
-
-def _without_law(left: Unknown, last: ModelFit) -> Unknown:
-    """The unknown with the place where one unmeasured input explains most."""
-    plain, near = last.problem.plain, last.closest
-    likely = input_places(plain, transfers(plain.runs, near.structure, near.x), near.rows)
-    at = " or ".join(place_words(p) for p in likely)
-    why = f"it has the pattern of an unmeasured input at {at}" if likely else NO_LAW
-    return replace(
-        left, sentence=f"{left.sentence}; {why}", place=likely[0] if likely else "", alternatives=likely[1:]
     )
 
 

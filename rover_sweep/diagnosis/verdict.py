@@ -11,11 +11,10 @@ from scipy.ndimage import uniform_filter1d
 
 from rover_sweep.data.recording import Array
 from rover_sweep.diagnosis.effects import Effect
-from rover_sweep.diagnosis.held_out import FittedModel
 from rover_sweep.diagnosis.result import Diagnosis, Finding, HeldOut, Unknown, Verdict
 from rover_sweep.diagnosis.simulation.candidates import alike_speeds
 from rover_sweep.diagnosis.simulation.experiment import FINE, RATE, Experiment
-from rover_sweep.diagnosis.simulation.simulator import motion
+from rover_sweep.diagnosis.simulation.simulator import FittedModel, motion
 
 # What an effect does to a turn: the fitted model with and without it, in a step of steering.
 #
@@ -62,13 +61,13 @@ def turn_with(effect: str, whole: FittedModel, used: Sequence[Experiment]) -> Tu
 
     used: the runs, for the speed and size of the turn: the largest angle that was driven.
     """
-    law = next((e for e in whole.model.structure.effects if e.id == effect), None)
+    law = next((e for e in whole.model.acting if e.id == effect), None)
     if law is None or law.in_one_run or effect == "clock_offset":  # the clock is no part of the rover
         return None
     speed = float(np.mean([run.mean_speed for run in used]))
     angle = max(float(run.amplitude) for run in used)
     step, rest = _step(used[0], speed, angle), _without(law, whole)
-    turning = np.cumsum(motion(step, rest.model.structure, rest.x)["r"]) / RATE
+    turning = np.cumsum(motion(step, rest.model, rest.x)["r"]) / RATE
     # slope and wind act by the heading
     turns = [_turn(replace(step, heading=psi + turning), rest, whole) for psi in (0.0, 0.5 * np.pi)]
     return max((t for t in turns if t), key=lambda t: t.change, default=None)
@@ -76,8 +75,8 @@ def turn_with(effect: str, whole: FittedModel, used: Sequence[Experiment]) -> Tu
 
 def _turn(step: Experiment, rest: FittedModel, whole: FittedModel) -> Turn | None:
     """One step of steering with both models, None where it is the same."""
-    without = motion(step, rest.model.structure, rest.x)
-    with_it = motion(step, whole.model.structure, whole.x)
+    without = motion(step, rest.model, rest.x)
+    with_it = motion(step, whole.model, whole.x)
     if np.allclose(without["r"], with_it["r"], atol=1e-9):
         return None
     begin = round(STRAIGHT * RATE)
@@ -102,7 +101,7 @@ def _turn(step: Experiment, rest: FittedModel, whole: FittedModel) -> Turn | Non
 
 def change_in_runs(effect: str, whole: FittedModel, used: Sequence[Experiment]) -> float:
     """What the effect changes of r, a_y or p in the runs, the largest: rms over the rms of the signal."""
-    law = next((e for e in whole.model.structure.effects if e.id == effect), None)
+    law = next((e for e in whole.model.acting if e.id == effect), None)
     if law is None:
         return 0.0
     without = _without(law, whole)

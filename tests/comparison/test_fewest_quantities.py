@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
+from rover_sweep.comparison import compare
 from rover_sweep.comparison.common_model import PENALTY, Subsets, fewest
+from rover_sweep.diagnosis.effects import library
 
 K = 12
 
@@ -65,3 +69,13 @@ def test_what_a_large_difference_leaves_beside_it_is_not_named(small, kept):
     subsets = Subsets(difference, np.eye(K), _columns())
     assert fewest(subsets, {3}) == kept
     assert fewest(subsets, {8}) == fewest(subsets) == (3, 8)  # numbers are the same in both models
+
+
+def test_bounds_stand_in_the_order_of_the_parameters(monkeypatch):
+    """Not in that of a set, which is another one in each process."""
+    names = [f"p{k}" for k in range(12)]
+    p = library()["steering_trim"].parameters[0]
+    amounts = {("sensor_scale", name): (p, 0.1, 1.0) for name in names}
+    monkeypatch.setattr(compare, "_amounts", lambda side: amounts)
+    found = SimpleNamespace(candidates=(), chosen=())
+    assert list(compare.could_differ(found, None, None)["sensor_scale"]) == names

@@ -15,7 +15,7 @@ from rover_sweep.diagnosis.problem.residuals import Problem, problem
 from rover_sweep.diagnosis.result import Mismatch
 from rover_sweep.diagnosis.simulation.candidates import Model
 from rover_sweep.diagnosis.simulation.experiment import RATE, Experiment
-from rover_sweep.diagnosis.simulation.simulator import Sensors, logged
+from rover_sweep.diagnosis.simulation.simulator import logged
 from rover_sweep.manoeuvre.sweep import Sweep
 
 ROVER = Geometry(2.7, 0.20, 0.20, sprung_mass=2.4, h=0.05, roll_inertia=0.012, yaw_inertia=0.08)
@@ -54,7 +54,7 @@ def sweeps(seed: int, plan: Sequence[tuple[float, float]] = PLAN) -> list[Experi
             has_heading=True,
             steer_rate=50.0,
         )
-        measured = logged(run, MODEL.structure, X, Sensors.of(run))
+        measured = logged(run, MODEL, X)
         heading = 0.3 + np.cumsum(measured["r"]) / RATE
         out.append(replace(run, measured=measured, heading=heading))
     return out
@@ -73,7 +73,7 @@ def compared(
         runs.append(replace(run, measured=measured))
         noise.append(mess)
     found = problem(runs, noise)
-    return found, found.measured - found.model(MODEL.structure, X)
+    return found, found.measured - found.model(MODEL, X)
 
 
 def located(

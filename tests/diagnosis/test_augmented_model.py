@@ -21,7 +21,7 @@ from rover_sweep.diagnosis.linear import left_out, linear
 from rover_sweep.diagnosis.result import Diagnosis
 from rover_sweep.diagnosis.simulation.augmented import AugmentedModel
 from rover_sweep.diagnosis.simulation.experiment import RATE, experiment
-from rover_sweep.diagnosis.simulation.simulator import Sensors, logged
+from rover_sweep.diagnosis.simulation.simulator import logged
 from rover_sweep.identification.verify import simulated_outputs as linear_simulation
 from rover_sweep.report.diagnosis.diagnosis_json import DiagnosisOrigin
 from rover_sweep.report.diagnosis.report import write_diagnosis
@@ -91,7 +91,7 @@ def test_small_motion_is_that_of_the_linear_part(case: str) -> None:
         measured=straight,
         filters=chosen.filters,
     )
-    expected = logged(run, chosen.structure, chosen.x, Sensors.of(run))
+    expected = logged(run, chosen.simulated, chosen.x)
     exported = exported_augmented(chosen, "explained", SPEED)
     fine = 10  # a held input is late by half a step
     held = np.interp(np.arange(fine * t.size) / (fine * RATE), t, steer)

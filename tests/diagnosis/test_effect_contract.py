@@ -10,7 +10,7 @@ from rover_sweep.diagnosis.effects import every_form, form_named, forms_of, libr
 from rover_sweep.diagnosis.effects.effect import SpeedEffect
 from rover_sweep.diagnosis.simulation.candidates import DEGREES_OF_FREEDOM, Model
 from rover_sweep.diagnosis.simulation.experiment import RATE, Experiment
-from rover_sweep.diagnosis.simulation.simulator import Sensors, logged
+from rover_sweep.diagnosis.simulation.simulator import logged
 from rover_sweep.manoeuvre.sweep import Sweep
 
 ROVER = Geometry(2.66, 0.203, 0.188, 2.40, 0.058, 0.0125, 0.07, 0.02, 0.03)
@@ -41,15 +41,14 @@ def driven() -> Experiment:
 
 
 RUN = driven()
-SENSORS = Sensors.of(RUN)
 
 
 def log_with(effect, coordinates):
     model = replace(MODEL, effects=(effect.name,), happened_in="run1")
-    return logged(RUN, model.structure, {**NOMINAL, **coordinates}, SENSORS)
+    return logged(RUN, model, {**NOMINAL, **coordinates})
 
 
-PLAIN = logged(RUN, MODEL.structure, NOMINAL, SENSORS)
+PLAIN = logged(RUN, MODEL, NOMINAL)
 
 
 def coordinates_of(effect, factor):
@@ -93,8 +92,8 @@ def test_residual_power_grows_as_the_vocabulary_says(effect, growth):
     power = []
     for scale in (0.5, 1.0):
         run = replace(RUN, steer=scale * RUN.steer, commanded=None)
-        with_it = logged(run, model.structure, {**NOMINAL, **coordinates_of(e, 1.0)}, SENSORS)
-        without = logged(run, MODEL.structure, NOMINAL, SENSORS)
+        with_it = logged(run, model, {**NOMINAL, **coordinates_of(e, 1.0)})
+        without = logged(run, MODEL, NOMINAL)
         power.append(np.mean((with_it["r"] - without["r"]) ** 2))
     assert power[1] / power[0] == pytest.approx(growth, rel=0.35)
 

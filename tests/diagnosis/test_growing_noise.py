@@ -10,7 +10,7 @@ from planted import MODEL, NOISE, X, sweeps
 
 from rover_sweep.diagnosis.posterior.infer import Options, infer
 from rover_sweep.diagnosis.simulation.experiment import Experiment
-from rover_sweep.diagnosis.simulation.simulator import Sensors, logged
+from rover_sweep.diagnosis.simulation.simulator import logged
 from rover_sweep.diagnosis.unexplained import left_unexplained
 
 TORQUE = 0.02  # N m
@@ -22,7 +22,7 @@ def runs(grows: float) -> list[Experiment]:
     random, rubbed = np.random.default_rng(4), replace(MODEL, effects=(EFFECT,))
     out = []
     for run in sweeps(1):
-        motion = logged(run, rubbed.structure, {**X, f"{EFFECT}.T": TORQUE}, Sensors.of(run))
+        motion = logged(run, rubbed, {**X, f"{EFFECT}.T": TORQUE})
         rolling = np.convolve(np.abs(motion["p"]), np.full(200, 0.005), "same")
         noise = {c: s * random.standard_normal(run.t.size) for c, s in NOISE.items()}
         noise["p"] *= np.where(rolling > 0.3 * rolling.max(), grows, 1.0)

@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 from planted import MODEL, NOISE, X, sweeps
 
-from rover_sweep.diagnosis.held_out import FittedModel, HeldOutRun, compare_held_out, refitted_without
+from rover_sweep.diagnosis.held_out import HeldOutRun, compare_held_out
+from rover_sweep.diagnosis.problem.least_squares import fit
 from rover_sweep.diagnosis.problem.noise_floor import Floor
 from rover_sweep.diagnosis.problem.residuals import with_floor
 from rover_sweep.diagnosis.simulation.experiment import Experiment
-from rover_sweep.diagnosis.simulation.simulator import Sensors, logged
+from rover_sweep.diagnosis.simulation.simulator import FittedModel, logged
 from rover_sweep.identification.fit import ResponseData, weighted_errors
 
 BOTH = MODEL.with_effect("tyre_relaxation").with_effect("steering_trim")
@@ -26,7 +27,7 @@ def driven(seed: int) -> list[Experiment]:
     random = np.random.default_rng(seed)
     out = []
     for run in sweeps(seed, ((0.1, 2.2), (0.15, 1.4))):
-        clean = logged(run, BOTH.structure, TRUE, Sensors.of(run))
+        clean = logged(run, BOTH, TRUE)
         noisy = {c: y + NOISE[c] * random.standard_normal(y.size) for c, y in clean.items()}
         out.append(replace(run, measured=noisy))
     return out
@@ -64,7 +65,7 @@ def test_a_quieter_run_is_judged_by_its_own_noise() -> None:
     """A run with half the noise of the used runs: the share removed refers to its own noise."""
     run = driven(5)[0]
     whole, rest = FittedModel(BOTH, TRUE), FittedModel(BOTH, {**TRUE, "tyre_relaxation.sigma": 0.24})
-    clean = logged(run, BOTH.structure, TRUE, Sensors.of(run))
+    clean = logged(run, BOTH, TRUE)
     quiet = replace(run, measured={c: y + 0.5 * (run.measured[c] - y) for c, y in clean.items()})
     found = compare_held_out(HeldOutRun.of(quiet, FLOOR, whole), rest, whole)
     assert found.share_removed == pytest.approx(1.0, abs=0.1)
@@ -86,7 +87,7 @@ def test_an_effect_counts_by_what_the_others_cannot_explain() -> None:
     """Without the trim the model still has relaxation, so the difference is the trim's contribution alone."""
     whole = FittedModel(BOTH, TRUE)
     held = HeldOutRun.of(driven(4)[0], FLOOR, FittedModel(BOTH, TRUE))
-    rest = refitted_without("steering_trim", with_floor(driven(3), FLOOR), whole)
+    rest = fit(with_floor(driven(3), FLOOR), BOTH.without("steering_trim"), TRUE)
     assert rest.model.effects == ("tyre_relaxation",)
     assert compare_held_out(held, rest, whole).share_removed == pytest.approx(1.0, abs=0.1)
     nothing = FittedModel(MODEL, {**X, "trim": 0.0})

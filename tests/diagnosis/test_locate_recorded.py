@@ -24,7 +24,7 @@ def located(name: str) -> dict[tuple[str, str], Mismatch]:
     runs = [experiment(run) for run in load_steered(files, vehicle, Reading(None, {}), [])]
     model = Model("roll-yaw", geometry_of(vehicle), Tolerances())
     problem, fitted = fit_with_floor(runs, model, {})
-    found = mismatches(problem, problem.measured - problem.model(model.structure, fitted.x))
+    found = mismatches(problem, problem.measured - problem.model(model, fitted.x))
     return {(m.channel, m.condition): m for m in found}
 
 

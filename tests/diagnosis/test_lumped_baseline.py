@@ -12,9 +12,8 @@ from rover_sweep.data.geometry import Geometry, Tolerances
 from rover_sweep.diagnosis.effects import library
 from rover_sweep.diagnosis.simulation import candidates as lumped_baseline
 from rover_sweep.diagnosis.simulation.candidates import DEGREES_OF_FREEDOM, Model, added_coordinates
-from rover_sweep.diagnosis.simulation.simulator import Sensors, logged, vehicle_numbers
+from rover_sweep.diagnosis.simulation.simulator import logged, vehicle_numbers
 from rover_sweep.diagnosis.simulation.single_track import single_tracks
-from rover_sweep.diagnosis.simulation.structure import Structure
 
 SET = Path(__file__).parents[1] / "data" / "concealed-ardurover" / "d"
 BESIDE_DERIVATIVES = [
@@ -62,7 +61,7 @@ def test_the_first_derivatives_move_as_the_model_that_they_are_made_of_at_any_sp
         "ln_k_phi": np.log(k_phi),
         "ln_b_phi": np.log(0.4 * about * 2 * np.pi * 3.5),
     }
-    q = np.array(vehicle_numbers(Structure(ROVER, True, roll), x))
+    q = np.array(vehicle_numbers(Model("roll-yaw" if roll else "bicycle", ROVER, Tolerances()), x))
     drive = (steer, speed, np.ones(t.size), zero, zero, zero, q)
     whole = single_tracks(drive, drive, (False, False), roll, 0.005)[0]
     first = {c.name: c.start for c in lumped_baseline.derivatives(ROVER, roll)}
@@ -80,5 +79,5 @@ def test_every_effect_that_may_act_beside_derivatives_can_be_simulated(effect: s
     x = {c.name: c.start for c in whole.free} | {
         c.name: 0.25 * c.scale for c in added_coordinates(whole.law(effect))
     }
-    found = logged(run, whole.structure, x, Sensors.of(run))
+    found = logged(run, whole, x)
     assert found and all(np.all(np.isfinite(y)) for y in found.values())

@@ -34,7 +34,7 @@ def rows(run: int, channel: str, start: int) -> Rows:
 def problem(modelled):
     """Two runs, one channel each with 2 * 300 rows; its model gives `modelled` (1200,)."""
     return SimpleNamespace(
-        rows=(rows(0, "r", 0), rows(1, "r", 600)), plain_models=lambda structure, xs: [modelled]
+        rows=(rows(0, "r", 0), rows(1, "r", 600)), plain_models=lambda model, xs: [modelled]
     )
 
 
@@ -43,7 +43,7 @@ def lines(column, run):
     return part[:300] + 1j * part[300:]
 
 
-FITTED = SimpleNamespace(structure=None, x={})
+FITTED = SimpleNamespace(model=None, x={})
 MODELLED = np.random.default_rng(3).normal(0.0, 200.0, 1200)
 
 
@@ -77,7 +77,7 @@ def test_a_smooth_error_of_the_usual_size_counts_as_noise_and_a_sharp_one_does_n
 
 def test_a_run_alone_has_the_common_error_only():
     one = replace(rows(0, "r", 0))
-    alone = SimpleNamespace(rows=(one,), plain_models=lambda structure, xs: [MODELLED[:600]])
+    alone = SimpleNamespace(rows=(one,), plain_models=lambda model, xs: [MODELLED[:600]])
     assert {s.size for s in errors_of_responses(alone, FITTED)} == {COMMON}
 
 
@@ -89,8 +89,8 @@ def _moved(run, share):
 def test_an_error_of_a_coefficient_adds_what_the_same_force_adds_in_the_simulation():
     run = sweeps(1, ((0.10, 2.0),))[0]
     found = with_floor_of([run], MODEL, X)
-    structure, free = MODEL.structure, MODEL.free
-    fitted = Fitted(structure, free, X, 0.0, np.zeros(found.size), np.zeros((found.size, len(free))))
+    free = MODEL.free
+    fitted = Fitted(MODEL, X, free, 0.0, np.zeros(found.size), np.zeros((found.size, len(free))))
     columns = {s.parameter: s.rows for s in errors_of_coefficients(found, fitted)}
     assert set(columns) == {"trail", "roll axis front", "roll axis rear"}
     per_p = 35.0 * HEIGHT * ROVER.h / 2.0  # N s/rad at 2 m/s
@@ -102,6 +102,6 @@ def test_an_error_of_a_coefficient_adds_what_the_same_force_adds_in_the_simulati
     ):
         small = 0.01
         law = TableLaw(place, over, (-50.0, 50.0), (-50.0 * small * size, 50.0 * small * size))
-        added = found.model(with_laws(structure, [law]), X) - found.model(structure, X)
+        added = found.model(with_laws(MODEL, [law]), X) - found.model(MODEL, X)
         wrong = np.linalg.norm(columns[name] * small - added) / np.linalg.norm(added)
         assert wrong < 0.03, f"{name}: {wrong:.3f}"

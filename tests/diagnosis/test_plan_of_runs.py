@@ -10,7 +10,15 @@ import numpy as np
 import pytest
 
 from rover_sweep.data.geometry import Geometry, Tolerances
-from rover_sweep.diagnosis.plans.expected_posterior import NONE, OTHER, RunSet, expected
+from rover_sweep.diagnosis.plans.expected_posterior import (
+    NONE,
+    OTHER,
+    RunEvidence,
+    RunSet,
+    basis,
+    evidence,
+    expected,
+)
 from rover_sweep.diagnosis.plans.plan import detectable, plan, run_values
 from rover_sweep.diagnosis.plans.planner import (
     Limits,
@@ -21,11 +29,10 @@ from rover_sweep.diagnosis.plans.planner import (
     lateral_acceleration,
     usual_run,
 )
-from rover_sweep.diagnosis.plans.run_evidence import RunEvidence, basis, evidence
 from rover_sweep.diagnosis.posterior.infer import SURE, Options, explore
 from rover_sweep.diagnosis.problem.noise_floor import Floor
 from rover_sweep.diagnosis.simulation.experiment import RATE, Experiment
-from rover_sweep.diagnosis.simulation.simulator import Sensors, logged
+from rover_sweep.diagnosis.simulation.simulator import logged
 
 ROVER = Geometry(2.66, 0.203, 0.188, 2.40, 0.058, 0.0125, 0.069)
 SCALE = 0.00095  # rad/us
@@ -75,10 +82,10 @@ def test_more_runs_never_tell_less() -> None:
     """Of the runs in any order; draws are random, so the information is known to a few hundredths."""
     one = usual()
     for order in ((SMALL, LARGE, SLOW, STEPS, BLOCKS), (BLOCKS, STEPS, SLOW, SMALL, LARGE)):
-        bits = [one.evaluate(order[: k + 1]).bits for k in range(len(order))]
+        bits = [one.evaluate(order[: k + 1]).information() for k in range(len(order))]
         assert all(after > before - 0.03 for before, after in zip(bits, bits[1:], strict=False))
         assert bits[-1] > bits[0] + 0.5
-    assert one.evaluate((replace(SMALL, repeat=8),)).bits > one.evaluate((SMALL,)).bits
+    assert one.evaluate((replace(SMALL, repeat=8),)).information() > one.evaluate((SMALL,)).information()
 
 
 def test_a_repeat_cannot_separate_parallel_signatures() -> None:
@@ -227,12 +234,12 @@ def test_the_next_run_tells_most_about_what_is_open() -> None:
 def recorded(one: Planner, runs: Sequence[PlannedRun], effect: str, size: float) -> list[Experiment]:
     """The runs of a rover with this effect, with the noise that the plan assumes."""
     random, law, p = np.random.default_rng(3), one.model.law(effect), one.assumed.first(effect)
-    structure = one.model.with_effect(effect).structure
+    model = one.model.with_effect(effect)
     x = {**one.assumed.x, law.coordinate_name(p): p.coordinate(size) * p.per}
     out = []
     for k, run in enumerate(runs):
         driven = replace(one.experiment(run), name=f"run{k}")
-        motion = logged(driven, structure, x, Sensors.of(driven))
+        motion = logged(driven, model, x)
         n, floor = driven.t.size, one.assumed.floor
         f = np.clip(np.fft.rfftfreq(n, 1.0 / RATE), floor.f[0], floor.f[-1])
         noise = {

@@ -21,9 +21,9 @@ from rover_sweep.diagnosis.posterior.weights import (
 from rover_sweep.diagnosis.problem.least_squares import sensitivities
 from rover_sweep.diagnosis.problem.noise_floor import Floor, level_of
 from rover_sweep.diagnosis.problem.residuals import never
+from rover_sweep.diagnosis.simulation.candidates import Model
 from rover_sweep.diagnosis.simulation.experiment import RATE, Experiment
-from rover_sweep.diagnosis.simulation.simulator import Sensors, logged
-from rover_sweep.diagnosis.simulation.structure import Structure
+from rover_sweep.diagnosis.simulation.simulator import logged
 from rover_sweep.diagnosis.simulation.table_law import TableLaw, with_laws
 from tests.diagnosis.planted import MODEL, NOISE, X, sweeps
 
@@ -102,11 +102,9 @@ def test_something_else_takes_the_names_that_it_explains_better() -> None:
     assert strong.effects["a"] < 0.2 < weak.effects["a"]
 
 
-def noisy(
-    run: Experiment, structure: Structure, x: dict[str, float], random: np.random.Generator
-) -> Experiment:
-    """The run as a rover of this structure drives it, with noise."""
-    true = logged(run, structure, x, Sensors.of(run))
+def noisy(run: Experiment, model: Model, x: dict[str, float], random: np.random.Generator) -> Experiment:
+    """The run as a rover of this model drives it, with noise."""
+    true = logged(run, model, x)
     measured = {c: y + NOISE[c] * random.standard_normal(run.t.size) for c, y in true.items()}
     return replace(run, measured=measured)
 
@@ -121,7 +119,7 @@ def ranked(run: Experiment) -> list[UnnamedFamily]:
 def test_a_curve_is_evidence_at_its_place() -> None:
     law = TableLaw("yaw moment", "r", (-1.4, -0.7, 0.0, 0.7, 1.4), (0.4, 0.1, 0.0, -0.1, -0.4))
     (run,) = sweeps(1, ((0.2, 2.2),))
-    found = ranked(noisy(run, with_laws(MODEL.structure, (law,)), X, np.random.default_rng(1)))
+    found = ranked(noisy(run, with_laws(MODEL, (law,)), X, np.random.default_rng(1)))
     assert found[0].evidence(COARSE) > 10.0
     assert "yaw moment" in {f.law.place for f in found[:4]}
 
@@ -129,7 +127,7 @@ def test_a_curve_is_evidence_at_its_place() -> None:
 def test_a_resonance_is_evidence_at_its_place_and_frequency() -> None:
     """A mast that sways at 2 Hz moves the accelerometer."""
     (run,) = sweeps(1, ((0.2, 2.2),))
-    run = noisy(run, MODEL.structure, X, np.random.default_rng(1))
+    run = noisy(run, MODEL, X, np.random.default_rng(1))
     w = np.fft.rfftfreq(run.t.size, 1 / RATE) / 2.0
     sways = np.fft.irfft(np.fft.rfft(run.measured["ay"]) * 0.3 * w**2 / (1 - w**2 + 0.2j * w), run.t.size)
     best = ranked(replace(run, measured={**run.measured, "ay": run.measured["ay"] + sways}))[0]
@@ -140,7 +138,7 @@ def test_a_resonance_is_evidence_at_its_place_and_frequency() -> None:
 
 def test_noise_is_no_evidence() -> None:
     (run,) = sweeps(1, ((0.2, 2.2),))
-    found = ranked(noisy(run, MODEL.structure, X, np.random.default_rng(1)))
+    found = ranked(noisy(run, MODEL, X, np.random.default_rng(1)))
     assert found[0].evidence(COARSE) < 3.0
 
 
@@ -148,7 +146,7 @@ def test_a_late_velocity_is_named_in_its_form_with_its_delay() -> None:
     """A pure delay of the EKF's velocity, not the first-order lag that is tried first."""
     late = MODEL.with_effect("velocity_lag/delay")
     x, random = {**X, "velocity_lag.T": 0.2}, np.random.default_rng(1)
-    runs = [noisy(run, late.structure, x, random) for run in sweeps(1, ((0.1, 2.2),))]
+    runs = [noisy(run, late, x, random) for run in sweeps(1, ((0.1, 2.2),))]
     found = infer(runs, MODEL, X, Options(("velocity_lag",), (), lambda what, share: None, never))
     assert [n.law.name for n in found.named] == ["velocity_lag/delay"]
     assert found.last.fitted.x["velocity_lag.T"] == pytest.approx(0.2, abs=0.01)
@@ -158,7 +156,7 @@ def test_an_effect_of_the_model_that_it_begins_with_is_no_question() -> None:
     """The model of a comparison has the effects of the recordings already. Another effect is found too."""
     both = MODEL.with_effect("velocity_lag/delay").with_effect("steering_trim")
     x, random = {**X, "velocity_lag.T": 0.2, "trim": 0.05}, np.random.default_rng(1)
-    runs = [noisy(run, both.structure, x, random) for run in sweeps(1, ((0.1, 2.2),))]
+    runs = [noisy(run, both, x, random) for run in sweeps(1, ((0.1, 2.2),))]
     begin = MODEL.with_effect("velocity_lag/delay")
     found = infer(runs, begin, X, Options(("steering_trim",), (), lambda what, share: None, never))
     assert [n.law.id for n in found.named] == ["steering_trim"]

@@ -52,13 +52,13 @@ def test_what_turns_take_from_the_speed_is_sure():
 
 def test_a_model_takes_a_share_of_the_unsure_changes():
     run = wavy(SPEED_ERROR)
-    measured = motion(run, MODEL.structure, {**X, "speed_share": 1.0})
-    without = motion(run, MODEL.structure, {**X, "speed_share": 0.0})
-    half = motion(run, MODEL.structure, {**X, "speed_share": 0.5})
+    measured = motion(run, MODEL, {**X, "speed_share": 1.0})
+    without = motion(run, MODEL, {**X, "speed_share": 0.0})
+    half = motion(run, MODEL, {**X, "speed_share": 0.5})
     np.testing.assert_allclose(measured["V"] - without["V"], run.unsure, atol=1e-12)
     np.testing.assert_allclose(half["V"], run.speed - 0.5 * run.unsure)
     np.testing.assert_allclose(half["v_dot_x"], np.gradient(half["V"], 1.0 / RATE), atol=1e-12)
-    steady = motion(run.steadied(0.5), MODEL.structure, {**X, "speed_share": 0.5})
+    steady = motion(run.steadied(0.5), MODEL, {**X, "speed_share": 0.5})
     np.testing.assert_allclose(steady["V"], without["V"])
 
 

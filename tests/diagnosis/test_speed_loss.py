@@ -25,7 +25,7 @@ def _judged(paths: Sequence[Path]) -> SpeedLoss:
     runs = [experiment(run) for run in read_runs]
     model = Model("roll-yaw", geometry_of(read_runs.vehicle), Tolerances())
     _, fitted = fit_with_floor(runs, model, {})
-    return speed_loss(runs, model.structure, fitted.x, seed=1)
+    return speed_loss(runs, model, fitted.x, seed=1)
 
 
 def _driven(folder: Path, seed: int, **effects: dict[str, float]) -> SpeedLoss:

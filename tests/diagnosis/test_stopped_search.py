@@ -10,7 +10,7 @@ import pytest
 from rover_sweep.diagnosis.posterior.infer import Options, infer
 from rover_sweep.diagnosis.posterior.model_fit import fit_with_floor
 from rover_sweep.diagnosis.problem.residuals import Problem, Stopped, never
-from rover_sweep.diagnosis.simulation.simulator import Sensors, logged
+from rover_sweep.diagnosis.simulation.simulator import logged
 from tests.diagnosis.planted import MODEL, NOISE, X, sweeps
 
 ONLY = ("steering_trim", "transport_delay")
@@ -24,8 +24,7 @@ def _runs() -> list:
         replace(
             run,
             measured={
-                c: y + NOISE[c] * random.standard_normal(y.size)
-                for c, y in logged(run, model.structure, LATE, Sensors.of(run)).items()
+                c: y + NOISE[c] * random.standard_normal(y.size) for c, y in logged(run, model, LATE).items()
             },
         )
         for run in sweeps(1, ((0.1, 2.2),))
@@ -47,7 +46,7 @@ def test_a_simulation_after_the_stop_raises() -> None:
     problem, fitted = fit_with_floor(_runs(), MODEL, X, near=True)
     stopped = replace(problem, stop=lambda: True)
     with pytest.raises(Stopped):
-        stopped.model(fitted.structure, fitted.x)
+        stopped.model(fitted.model, fitted.x)
 
 
 @pytest.mark.parametrize("after", [0, 3, 25, 60])
@@ -56,7 +55,7 @@ def test_the_answer_so_far_can_be_simulated(after: int) -> None:
     assert found.stopped
     for part in (found.none, found.last):
         assert isinstance(part.problem, Problem)
-        assert part.problem.model(part.model.structure, part.fitted.x).shape == (part.problem.size,)
+        assert part.problem.model(part.model, part.fitted.x).shape == (part.problem.size,)
     for one in found.named:
         assert one.law.id in found.last.model.ids
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from planted import MODEL, X, sweeps
 
-from rover_sweep.diagnosis.held_out import FittedModel
+from rover_sweep.diagnosis.simulation.simulator import FittedModel
 from rover_sweep.diagnosis.verdict import turn_sentence, turn_with
 
 RUNS = sweeps(1)[:1]

@@ -17,7 +17,7 @@ from rover_sweep.diagnosis.problem.least_squares import Fitted, fit, sensitiviti
 from rover_sweep.diagnosis.problem.residuals import Problem, problem
 from rover_sweep.diagnosis.result import Unknown
 from rover_sweep.diagnosis.simulation.experiment import RATE, Experiment, tapered
-from rover_sweep.diagnosis.simulation.simulator import Sensors, logged, motion
+from rover_sweep.diagnosis.simulation.simulator import logged, motion
 from rover_sweep.diagnosis.simulation.table_law import TableLaw, refuse_law, resonator, with_laws
 from rover_sweep.diagnosis.unexplained import NO_LAW, find_laws, input_places, with_laws_of
 from tests.diagnosis.planted import MODEL, NOISE, X, sweeps
@@ -52,7 +52,7 @@ def _with_law(law: TableLaw, seed: int) -> tuple[list[Experiment], list[dict[str
     runs, noise = [], []
     for run in map(_shortened, sweeps(seed, ((0.2, 2.2), (0.12, 1.6), (0.15, 2.0)))):
         mess = {c: s * random.standard_normal(run.t.size) for c, s in NOISE.items()}
-        true = logged(run, with_laws(MODEL.structure, (law,)), X, Sensors.of(run))
+        true = logged(run, with_laws(MODEL, (law,)), X)
         runs.append(replace(run, measured={c: y + mess[c] for c, y in true.items()}))
         noise.append(mess)
     return runs, noise
@@ -60,11 +60,11 @@ def _with_law(law: TableLaw, seed: int) -> tuple[list[Experiment], list[dict[str
 
 def _fitted(runs: list[Experiment], noise: list[dict[str, Array]]) -> tuple[Problem, Fitted]:
     found = problem(runs, noise)
-    return found, sensitivities(found, fit(found, MODEL.structure, MODEL.free, X, steps=4))
+    return found, sensitivities(found, fit(found, MODEL, X, steps=4))
 
 
 def _last(used: Problem, base: Fitted) -> ModelFit:
-    return ModelFit(MODEL, used, base, base, {})
+    return ModelFit(used, base, base, {})
 
 
 def test_the_place_of_a_planted_law_is_found_and_holds_on_another_run() -> None:
@@ -107,7 +107,7 @@ def test_the_place_of_an_input_without_a_law_is_found(place: str) -> None:
     """Noise of 1 to 4 Hz that depends on nothing is added at a place."""
     runs, noise = _with_law(replace(DAMPING, y=(0.0,) * 5), 5)
     used, base = _fitted(runs[:1], noise[:1])
-    found = transfers(used.runs, base.structure, base.x)
+    found = transfers(used.runs, base.model, base.x)
     random = np.random.default_rng(2).standard_normal(runs[0].t.size)
     low_pass = firwin(401, [1.0, 4.0], pass_zero=False, fs=RATE)
     s = {"sensor of ay": 0.6, "steering": 0.02, "yaw moment": 0.5}[place] * np.convolve(
@@ -123,7 +123,7 @@ def test_the_place_of_an_input_without_a_law_is_found(place: str) -> None:
 def test_every_baseline_has_candidates_at_the_places_that_it_has(baseline: str) -> None:
     runs, _ = _with_law(DAMPING, 5)
     other = replace(MODEL, baseline=baseline)
-    found = transfers(runs[:1], other.structure, {c.name: c.start for c in other.free})
+    found = transfers(runs[:1], other, {c.name: c.start for c in other.free})
     places = {law.place for law in groups(found)}
     assert {"steering", "sensor of r"} <= places
     assert ("yaw moment" in places) == (baseline == "bicycle") and "roll moment" not in places
@@ -139,10 +139,10 @@ def test_rows_of_a_law_are_those_of_the_simulation() -> None:
     """The impulse responses give the same rows as a simulation with a small law."""
     runs, noise = _with_law(replace(DAMPING, y=(0.0,) * 5), 5)
     one = problem(runs[:1], noise[:1])
-    found = transfers(one.runs, MODEL.structure, X)
+    found = transfers(one.runs, MODEL, X)
     for law in LAWS.values():
         small = replace(law, y=tuple(0.01 * y for y in law.y))
-        want = one.model(with_laws(MODEL.structure, (small,)), X) - one.model(MODEL.structure, X)
+        want = one.model(with_laws(MODEL, (small,)), X) - one.model(MODEL, X)
         rows = [added_rows(one, found, law.place, s) for s in unit_spectra(small, found)]
         got = np.column_stack(rows) @ np.array(small.y)
         assert np.linalg.norm(got - want) < 0.1 * np.linalg.norm(want), law.place
@@ -193,7 +193,7 @@ def test_a_stop_stiffer_than_the_spring_does_not_diverge() -> None:
     runs, _ = _with_law(replace(DAMPING, y=(0.0,) * 5), 5)
     stop = TableLaw("roll moment", "phi", (-0.2, -0.015, 0.015, 0.2), (60.0, 0.0, 0.0, -60.0))
     phi = {
-        name: motion(runs[0], with_laws(MODEL.structure, laws), X)["phi"]
+        name: motion(runs[0], with_laws(MODEL, laws), X)["phi"]
         for name, laws in {"free": (), "stopped": (stop,)}.items()
     }
     assert np.max(np.abs(phi["stopped"])) < 0.8 * np.max(np.abs(phi["free"]))

@@ -16,7 +16,7 @@ from rover_sweep.diagnosis.posterior.model_fit import ModelFit, model_fit
 from rover_sweep.diagnosis.posterior.upper_bounds import shown_length, sides, upper_bounds
 from rover_sweep.diagnosis.result import Unseen, UpperBound, largest_hidden
 from rover_sweep.diagnosis.simulation.candidates import possible
-from rover_sweep.diagnosis.simulation.simulator import Sensors, logged
+from rover_sweep.diagnosis.simulation.simulator import logged
 
 ONLY = ("front_rear_stiffness", "steering_backlash", "velocity_lag", "servo_rate_limit")
 HIDDEN = -0.22  # ln Cf/Cr, beyond the normal tolerance of 0.15
@@ -28,7 +28,7 @@ def judged() -> ModelFit:
     random, x = np.random.default_rng(3), {**X, "ln_ratio": HIDDEN}
     runs = []
     for run in sweeps(1):
-        motion = logged(run, MODEL.structure, x, Sensors.of(run))
+        motion = logged(run, MODEL, x)
         runs.append(
             replace(
                 run, measured={c: y + NOISE[c] * random.standard_normal(y.size) for c, y in motion.items()}

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from rover_sweep.diagnosis.plans.planner import DetectableSize, Plan, PlannedRun, SimilarPair
+from rover_sweep.diagnosis.plans.expected_posterior import SimilarPair
+from rover_sweep.diagnosis.plans.planner import DetectableSize, Plan, PlannedRun
 from rover_sweep.diagnosis.result import Unseen
 
 PLAN = Plan(

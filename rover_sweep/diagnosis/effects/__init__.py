@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from functools import cache
 
-from rover_sweep.diagnosis.effects import chassis, sensors, steering, surroundings
+from rover_sweep.diagnosis.effects import chassis, sensors, steering
 from rover_sweep.diagnosis.effects.effect import Effect, EffectParameter
 
 __all__ = ["Effect", "EffectParameter", "every_form", "form_named", "forms_of", "library"]
@@ -13,7 +13,7 @@ __all__ = ["Effect", "EffectParameter", "every_form", "form_named", "forms_of", 
 @cache
 def every_form() -> dict[str, Effect]:
     """{name: law} of all effects and all their forms, sorted by id."""
-    laws = (*steering.LAWS, *chassis.LAWS, *surroundings.LAWS, *sensors.LAWS)
+    laws = (*steering.LAWS, *chassis.LAWS, *chassis.SURROUNDINGS, *sensors.LAWS)
     return {law.name: law for law in sorted(laws, key=lambda law: law.id)}
 
 

@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from math import exp, inf, log
-from typing import Any, ClassVar, Literal
+from typing import Any, Literal
 
 from rover_sweep.data.recording import Array
 
@@ -80,10 +80,8 @@ class Effect:
     releases: {nominal coordinate: (low, high)} that the effect frees beyond the normal tolerance.
     report_values: ({parameter: value}) -> what a user reads, where that differs from the fitted parameters.
     form: name of this law among those of the family, "" where there is only one. first: of the family.
+    in_one_run: it happens in one run at an instant, the parameter `t`.
     """
-
-    in_one_run: ClassVar[bool] = False
-    """True where it happens in one run at an instant, the parameter `t`."""
 
     id: str
     title: str
@@ -99,6 +97,7 @@ class Effect:
     report_values: Callable[[Values], Reported] | None = None
     form: str = ""
     first: bool = True
+    in_one_run: bool = False
 
     @property
     def name(self) -> str:
@@ -181,22 +180,18 @@ class DegreeOfFreedom(Effect):
 
 @dataclass(frozen=True, kw_only=True)
 class SteeringEffect(Effect):
-    """Changes the road-wheel angle. act: (angle (n,) rad, q) -> angle (n,) rad."""
+    """Changes the angle behind the servo, or the commanded one before it.
+
+    act: (angle (n,) rad, q) -> angle (n,) rad.
+    """
 
     act: Callable[[Array, Values], Array]
-
-
-class CommandEffect(SteeringEffect):
-    """Acts on the commanded angle, before the servo."""
-
-
-class LinkageEffect(SteeringEffect):
-    """Acts on the angle behind the servo."""
+    before_servo: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)
 class KernelEffect(Effect):
-    """Acts inside a compiled loop of `simulation.kernel`.
+    """Acts inside a compiled loop of `simulation.simulator`.
 
     fills: {parameter: number of the loop}. sets: {number of the loop: constant} that selects the form.
     """
@@ -211,7 +206,7 @@ class KernelEffect(Effect):
 
 
 class ServoEffect(KernelEffect):
-    """Fills arguments of `kernel.servo`."""
+    """Fills arguments of `simulator.servo`."""
 
 
 class VehicleEffect(KernelEffect):
@@ -243,29 +238,14 @@ class StateForceEffect(Effect):
 
 @dataclass(frozen=True, kw_only=True)
 class GripEffect(Effect):
-    """Scales the stiffness of both axles in one run. act: (t (n,) s, q) -> factor (n,).
+    """Scales the stiffness of both axles. act: ({"t", "V", "driven"}, q) -> factor (n,).
 
-    later: (q) -> factor in the runs driven after it; None: 1.
+    driven (n,): time driven until then in all runs [s]. later: (q) -> factor in the runs driven after the one
+    in which it happens; None: 1.
     """
 
-    in_one_run: ClassVar[bool] = True
-
-    act: Callable[[Array, Values], Array]
+    act: Callable[[Motion, Values], Array]
     later: Callable[[Values], float] | None = None
-
-
-@dataclass(frozen=True, kw_only=True)
-class DriftEffect(Effect):
-    """Scales the stiffness of both axles in all runs. act: (driven time before (n,) s, q) -> factor (n,)."""
-
-    act: Callable[[Array, Values], Array]
-
-
-@dataclass(frozen=True, kw_only=True)
-class SpeedGripEffect(Effect):
-    """Scales the stiffness of both axles by the speed. act: (V (n,) m/s, q) -> factor (n,)."""
-
-    act: Callable[[Array, Values], Array]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -10,16 +10,15 @@ import numpy as np
 from numba import njit
 
 from rover_sweep.data.recording import Array
+from rover_sweep.diagnosis.effects.effect import EffectParameter as P
 from rover_sweep.diagnosis.effects.effect import (
-    CommandEffect,
-    LinkageEffect,
     NominalEffect,
     ServoEffect,
+    SteeringEffect,
     Values,
     VehicleEffect,
     family,
 )
-from rover_sweep.diagnosis.effects.effect import EffectParameter as P
 
 BANDS, SPREAD = 16, 0.12  # bands whose mean is a law that jumps, and how far they lie about the one
 
@@ -148,7 +147,7 @@ LAWS = (
     # Causes a third harmonic at every frequency; the residual power grows 23 times when the amplitude
     # doubles, so it needs two amplitudes. The factor is at least 0.1, so that d never turns back.
     *family(
-        LinkageEffect(
+        SteeringEffect(
             id="steering_nonlinearity",
             title="steering gain that changes with the angle",
             equation="d = u (1 + c3 u^2)",
@@ -171,7 +170,8 @@ LAWS = (
     # Causes a second harmonic only, and a mean; one sweep of any amplitude is enough. Both forms have the
     # same gains at 0.3 rad.
     *family(
-        CommandEffect(
+        SteeringEffect(
+            before_servo=True,
             id="steering_asymmetry",
             title="steering gain differs left and right",
             equation="d = (1 + e) u for u > 0 (left), (1 - e) u for u < 0",
@@ -201,7 +201,8 @@ LAWS = (
     ),
     # Causes a third harmonic at low frequency and no phase lag; a small amplitude shows it best.
     *family(
-        CommandEffect(
+        SteeringEffect(
+            before_servo=True,
             id="steering_deadband",
             title="deadband of the steering",
             equation="e -> 0 for abs(e) < w, else e - w sgn(e)",
@@ -225,7 +226,8 @@ LAWS = (
     # Many digital servos have such a band against hunting. It causes steps at small amplitude, and a lag of
     # half of s on average.
     *family(
-        CommandEffect(
+        SteeringEffect(
+            before_servo=True,
             id="steering_stiction",
             title="steering that sticks",
             equation="the servo's target d stays until abs(u - d) > s, then d = u",
@@ -248,7 +250,7 @@ LAWS = (
     # Causes a third harmonic and a phase lag at all frequencies; the residual power grows only 1.6 times when
     # the amplitude doubles. Reversals at small amplitude show it best.
     *family(
-        LinkageEffect(
+        SteeringEffect(
             id="steering_backlash",
             title="backlash of the linkage",
             equation="play operator of half gap b",

@@ -13,7 +13,7 @@ from math import sqrt
 import numpy as np
 
 from rover_sweep.data.geometry import Geometry, Tolerances
-from rover_sweep.diagnosis.plans.expected_posterior import NONE, OTHER, RunSet, expected
+from rover_sweep.diagnosis.plans.expected_posterior import NONE, OTHER, Assumed, Expected, RunSet, expected
 from rover_sweep.diagnosis.plans.planner import (
     DetectableSize,
     Limits,
@@ -21,12 +21,10 @@ from rover_sweep.diagnosis.plans.planner import (
     PlannedRun,
     Planner,
     Progress,
-    SetResult,
     allowed,
     candidates,
     run_text,
 )
-from rover_sweep.diagnosis.plans.run_evidence import Assumed
 from rover_sweep.diagnosis.posterior.infer import SURE
 from rover_sweep.diagnosis.posterior.upper_bounds import reported_value
 from rover_sweep.diagnosis.search import least_size
@@ -132,17 +130,17 @@ def _chosen(planner: Planner, now: tuple[PlannedRun, ...], limits: Limits) -> tu
         done = 0.5 * (done + 0.85)
         planner.progress("choosing runs", done)
         trials = [(run, planner.evaluate((*now, *chosen, run))) for run in more]
-        run, better = max(trials, key=lambda trial: trial[1].bits)
-        if result is not None and better.bits < result.bits + LEAST_BITS:
+        run, better = max(trials, key=lambda trial: trial[1].information())
+        if result is not None and better.information() < result.information() + LEAST_BITS:
             break
         chosen, result = [*chosen, run], better
     return tuple(replace(run, repeat=chosen.count(run)) for run in dict.fromkeys(chosen))
 
 
-def _answer(any_given: bool, given: SetResult, best: SetResult, added: int) -> tuple[str, ...]:
+def _answer(any_given: bool, given: Expected, best: Expected, added: int) -> tuple[str, ...]:
     """First what the given runs are expected to name, then what the proposal adds, then what stays open."""
-    asked, count = len(best.sure), "1 run" if added == 1 else f"{added} runs"
-    open_now = [e for e in best.sure if e not in best.separated]
+    asked, count = len(best.truths) - 1, "1 run" if added == 1 else f"{added} runs"
+    open_now = [e for e in best.truths if e not in (NONE, *best.separated)]
     left = (f"not detected and separated at their usual size: {in_words(open_now)}",) if open_now else ()
     if not any_given:
         verb = "detects and separates" if added == 1 else "detect and separate"
@@ -154,10 +152,10 @@ def _answer(any_given: bool, given: SetResult, best: SetResult, added: int) -> t
     return (first, f"with {more} they detect and separate {len(best.separated)}", *left)
 
 
-def _tells(run: PlannedRun, before: SetResult | None, after: SetResult) -> str:
+def _tells(run: PlannedRun, before: Expected | None, after: Expected) -> str:
     """What a run is expected to add to those before it."""
     new = [e for e in after.separated if before is None or e not in before.separated]
-    bits = after.bits - (before.bits if before else 0.0)
+    bits = after.information() - (before.information() if before else 0.0)
     names = f"; detects and separates {in_words(new)}" if new else ""
     return f"{run_text(run)}: {bits:.1f} bit of information{names}"
 

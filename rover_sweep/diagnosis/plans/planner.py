@@ -11,21 +11,24 @@ import numpy as np
 
 from rover_sweep.data.geometry import Geometry, Tolerances
 from rover_sweep.diagnosis.effects import Effect
-from rover_sweep.diagnosis.plans.expected_posterior import NONE, Expected, RunSet, expected
-from rover_sweep.diagnosis.plans.run_evidence import (
+from rover_sweep.diagnosis.plans.expected_posterior import (
     NOISE,
+    NONE,
     Assumed,
     Basis,
+    Expected,
     RunEvidence,
+    RunSet,
+    SimilarPair,
     assumed,
     basis,
     evidence,
+    expected,
 )
-from rover_sweep.diagnosis.posterior.infer import SHARE, SURE
 from rover_sweep.diagnosis.result import Unseen
 from rover_sweep.diagnosis.simulation.candidates import Model, has_roll, possible
 from rover_sweep.diagnosis.simulation.experiment import RATE, SLOWEST, Experiment, tapered
-from rover_sweep.diagnosis.simulation.simulator import Sensors, logged
+from rover_sweep.diagnosis.simulation.simulator import logged
 from rover_sweep.manoeuvre.multisine import Multisine
 from rover_sweep.manoeuvre.sweep import BiasSweep, Doublet, Sweep
 
@@ -77,15 +80,6 @@ class DetectableSize:
     unit: str
     size: float | None
     material: float | None = None
-
-
-@dataclass(frozen=True)
-class SimilarPair:
-    """An effect that is not separated; expected probability of the second one where the first is true."""
-
-    first: str
-    second: str
-    probability: float
 
 
 @dataclass(frozen=True)
@@ -236,39 +230,6 @@ def _around(a: float, v: float, rover: Geometry, rad_per_us: float, limits: Limi
 Progress = Callable[[str, float], None]
 
 
-@dataclass(frozen=True, eq=False)
-class SetResult:
-    """What a set of runs is expected to tell. expected: with each asked effect at its size as the truth.
-
-    sure: {asked effect: its expected probability where it is the truth}.
-    """
-
-    expected: Expected
-    sure: Mapping[str, float]
-
-    @property
-    def bits(self) -> float:
-        """Expected information on the explanations [bit]."""
-        return self.expected.information()
-
-    @property
-    def separated(self) -> tuple[str, ...]:
-        """The asked effects that are expected to be named."""
-        return tuple(e for e, p in self.sure.items() if p >= SURE)
-
-    @property
-    def look_alikes(self) -> tuple[SimilarPair, ...]:
-        """The asked effects that are not, with those that share their probability, the largest first."""
-        pairs = [
-            SimilarPair(e, other, p)
-            for e, row in zip(self.expected.truths, self.expected.shares, strict=True)
-            if e in self.sure and e not in self.separated and row[NONE] < SHARE
-            for other, p in row.items()
-            if other != e and p >= SHARE
-        ]
-        return tuple(sorted(pairs, key=lambda pair: -pair.probability))
-
-
 @dataclass(eq=False)
 class Planner:
     """Simulates each run once, and judges sets of them.
@@ -326,7 +287,7 @@ class Planner:
         if run.kind == "servo_test":
             return run
         driven = self.experiment(run)
-        found = logged(driven, self.model.structure, self.assumed.x, Sensors.of(driven))["ay"]
+        found = logged(driven, self.model, self.assumed.x)["ay"]
         share = ay / max(float(np.max(np.abs(found))), ay)
         return run if share == 1.0 else replace(run, amplitude_us=10.0 * (share * run.amplitude_us // 10.0))
 
@@ -335,10 +296,7 @@ class Planner:
         new = [r for r in dict.fromkeys(_single(run) for run in runs) if r not in self._evidence]
         for k, run in enumerate(new):
             self.progress(f"simulating: {run_text(run)}", share[0] + (share[1] - share[0]) * k / len(new))
-            self._evidence[run] = evidence(self._basis(run), self.assumed)
-
-    def _basis(self, run: PlannedRun) -> Basis:
-        return basis(self.experiment(run), self.assumed)
+            self._evidence[run] = evidence(basis(self.experiment(run), self.assumed), self.assumed)
 
     def together(self, runs: Sequence[PlannedRun], sizes: Mapping[str, float] | None = None) -> RunSet:
         """The set of these runs, each as often as it is repeated.
@@ -349,14 +307,14 @@ class Planner:
         given, found = self.assumed, {run: self._evidence[run] for run in map(_single, runs)}
         if sizes:
             given = given.sized(sizes)
-            self._bases |= {run: self._basis(run) for run in found if run not in self._bases}
+            new = [run for run in found if run not in self._bases]
+            self._bases |= {run: basis(self.experiment(run), given) for run in new}
             found = {run: evidence(self._bases[run], given) for run in found}
         return RunSet.of(given, [found[_single(run)] for run in runs for _ in range(run.repeat)])
 
-    def evaluate(self, runs: Sequence[PlannedRun]) -> SetResult:
-        """What a diagnosis of these runs is expected to tell about the asked effects."""
-        found = expected(self.together(runs), [NONE, *self.asked])
-        return SetResult(found, {e: p for e, p in found.sure.items() if e != NONE})
+    def evaluate(self, runs: Sequence[PlannedRun]) -> Expected:
+        """What a diagnosis of these runs is expected to tell about the asked effects, each at its size."""
+        return expected(self.together(runs), [NONE, *self.asked])
 
     def unseen(self, runs: Sequence[PlannedRun], hidden: Sequence[str]) -> tuple[Unseen, ...]:
         """Effects that a set cannot show, with the reason. hidden: those that no size shows."""

@@ -1,14 +1,14 @@
 """Explanations of what a baseline leaves: sets of effects, each fitted in one and the same problem.
 
 A beam search. To the best explanations so far each effect is added: its linear prediction (a score test, see
-`problem.signatures`) chooses what is fitted in the full simulation. All explanations are fitted in one metric
-with one noise floor, so that their costs can be compared.
+`problem.least_squares`) chooses what is fitted in the full simulation. All explanations are fitted in one
+metric with one noise floor, so that their costs can be compared.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -44,33 +44,14 @@ BEATEN = 30.0  # ln of odds from which something without a name ends the search
 GOES_ON = 12.0  # gain over a row's variance from which one more effect is tried
 
 
-@dataclass(frozen=True, eq=False)
-class Explanation:
-    """A model with a set of effects, fitted. own: with its own Jacobian."""
-
-    model: Model
-    fitted: Fitted
-    own: bool = False
-
-    @property
-    def effects(self) -> frozenset[str]:
-        """The ids of its effects, without those that its baseline has."""
-        return frozenset(self.model.ids) - self.model.given
-
-    @property
-    def cost(self) -> float:
-        """Sum of squares of its rows and priors."""
-        return self.fitted.cost
-
-
 def explored(
     problem: Problem,
-    first: Explanation,
+    first: Fitted,
     effects: Sequence[Effect],
-    nearer: Callable[[Explanation], tuple[Problem, Explanation]],
-    unnamed: Callable[[Problem, Explanation], float],
+    nearer: Callable[[Fitted], tuple[Problem, Fitted]],
+    unnamed: Callable[[Problem, Fitted], float],
     progress: Progress = lambda what, share: None,
-) -> tuple[Problem, Explanation, list[Explanation]]:
+) -> tuple[Problem, Fitted, list[Fitted]]:
     """(problem, explanation that its metric was made at, the explanations that were found).
 
     first: without effects, fitted to the problem, whose metric was made at it. The smallest cost comes first.
@@ -79,13 +60,14 @@ def explored(
     without a name in what `first` leaves; where that is far above the best single effect, no further one is
     tried. Where the problem's stop is true, those found so far. progress(activity, share of all the work).
     """
-    pool: dict[frozenset[str], Explanation] = {first.effects: first}
-    level, alone, made_at = [first], dict[str, Explanation](), first
+    pool: dict[frozenset[str], Fitted] = {first.effects: first}
+    level, alone, made_at = [first], dict[str, Fitted](), first
     for depth, (width, beam) in enumerate(zip(WIDTH, BEAM, strict=True)):
         progress(f"trying {('single effects', 'pairs of effects', 'three effects')[depth]}", DONE[depth])
         try:
             ranked = _next_level(problem, level, beam, width, effects, alone, pool)
-            if not depth and ranked and _is_far_off(first, ranked[0]):
+            # far off, the rows of a metric that was made at `first` are not those of the rover
+            if not depth and ranked and ranked[0].own and _comes_near(first, ranked[0]):
                 made_at = ranked[0]
                 problem, first = nearer(made_at)
                 own = [e for e in ranked if e.own]
@@ -97,25 +79,21 @@ def explored(
             alone = {next(iter(e.effects - first.effects)): e for e in ranked}
         pool |= {e.effects: e for e in ranked}
         least = min(e.cost for e in level)
-        if not ranked or least - ranked[0].cost < GOES_ON * ranked[0].fitted.overdispersion:
+        if not ranked or least - ranked[0].cost < GOES_ON * ranked[0].overdispersion:
             break
-        if not depth and _beaten(unnamed(problem, first), first, ranked[0]):
+        # something without a name is far more probable than an effect, whatever is added to that
+        gain = (first.cost - ranked[0].cost) / (2.0 * COARSE * ranked[0].overdispersion)
+        if not depth and unnamed(problem, first) > gain + BEATEN:
             break
         level = ranked
     pool |= {e.effects: e for e in _missing_parts(problem, pool)}
     return problem, made_at, sorted(pool.values(), key=lambda e: e.cost)
 
 
-def _beaten(unnamed: float, first: Explanation, best: Explanation) -> bool:
-    """True where something without a name is far more probable than an effect, whatever is added to that."""
-    gain = (first.cost - best.cost) / (2.0 * COARSE * best.fitted.overdispersion)
-    return unnamed > gain + BEATEN
-
-
-def _missing_parts(problem: Problem, pool: Mapping[frozenset[str], Explanation]) -> list[Explanation]:
+def _missing_parts(problem: Problem, pool: Mapping[frozenset[str], Fitted]) -> list[Fitted]:
     """The best explanation without each of its effects, and the best of these again, where they were not
     found: a larger one must be worth more than its parts."""
-    best, missing = min((e for e in pool.values() if e.own), key=lambda e: e.cost), list[Explanation]()
+    best, missing = min((e for e in pool.values() if e.own), key=lambda e: e.cost), list[Fitted]()
     while len(best.effects) > 1 and not problem.stop():
         parts = [best.effects - {i} for i in sorted(best.effects)]
         known = [pool[p] for p in parts if p in pool and pool[p].own]
@@ -126,19 +104,13 @@ def _missing_parts(problem: Problem, pool: Mapping[frozenset[str], Explanation])
     return missing
 
 
-def _part_of(problem: Problem, whole: Explanation, effects: frozenset[str]) -> Explanation:
+def _part_of(problem: Problem, whole: Fitted, effects: frozenset[str]) -> Fitted:
     """The explanation with one effect less, fitted from where the whole one is."""
     (effect,) = whole.effects - effects
     model = whole.model.without(effect)
-    start = {c.name: whole.fitted.x.get(c.name, c.start) for c in model.free}
-    known = None if effect in DEGREES_OF_FREEDOM else _without(whole.fitted, effect)
-    found = fit(problem, model.structure, model.free, start, known=known)
-    return _converged(problem, Explanation(model, found))
-
-
-def _is_far_off(first: Explanation, best: Explanation) -> bool:
-    """True where the rows of a metric that was made at `first` are not those of the rover."""
-    return best.own and first.fitted.overdispersion >= FAR_OFF and _comes_near(first.fitted, best.fitted)
+    start = {c.name: whole.x.get(c.name, c.start) for c in model.free}
+    known = None if effect in DEGREES_OF_FREEDOM else _without(whole, effect)
+    return _converged(problem, fit(problem, model, start, known=known))
 
 
 def _comes_near(base: Fitted, best: Fitted) -> bool:
@@ -148,31 +120,29 @@ def _comes_near(base: Fitted, best: Fitted) -> bool:
 
 def _next_level(
     problem: Problem,
-    level: Sequence[Explanation],
+    level: Sequence[Fitted],
     beam: int,
     width: int,
     effects: Sequence[Effect],
-    alone: Mapping[str, Explanation],
-    pool: Mapping[frozenset[str], Explanation],
-) -> list[Explanation]:
+    alone: Mapping[str, Fitted],
+    pool: Mapping[frozenset[str], Fitted],
+) -> list[Fitted]:
     """The best of a level with one more effect each, the smallest cost first."""
-    new: dict[frozenset[str], Explanation] = {}
+    new: dict[frozenset[str], Fitted] = {}
     for one in sorted(level, key=lambda e: e.cost)[:beam]:
         for more in _extended(problem, one, effects, width, alone, {*pool, *new}):
             new[more.effects] = more
     ranked = sorted(new.values(), key=lambda e: e.cost)
-    rivals = [e for e in ranked[:REFITTED] if _rivals(e, ranked[0], min(one.cost for one in level))]
+    rivals, before = [], min(one.cost for one in level)
+    if ranked:  # as probable as the best one
+        best = ranked[0]
+        reach = max((1.0 - RIVAL) * (before - best.cost), NEAR * best.overdispersion)
+        rivals = [e for e in ranked[:REFITTED] if e.cost - best.cost < reach]
     refits = side_by_side(lambda e: refitted(problem, e), rivals)
     return sorted([*refits, *ranked[len(rivals) :]], key=lambda e: e.cost)
 
 
-def _rivals(one: Explanation, best: Explanation, before: float) -> bool:
-    """True where it may be as probable as the best one. before: the cost of what they extend."""
-    reach = max((1.0 - RIVAL) * (before - best.cost), NEAR * best.fitted.overdispersion)
-    return one.cost - best.cost < reach
-
-
-def refitted(problem: Problem, one: Explanation) -> Explanation:
+def refitted(problem: Problem, one: Fitted) -> Fitted:
     """The explanation fitted on with its own Jacobian, in the best form of each of its effects."""
     best, settled = _converged(problem, one), DEGREES_OF_FREEDOM | one.model.given
     for law in [one.model.law(e) for e in one.model.effects]:
@@ -181,13 +151,13 @@ def refitted(problem: Problem, one: Explanation) -> Explanation:
                 continue
             effects = tuple(other.name if e == law.name else e for e in one.model.effects)
             model = replace(one.model, effects=effects)
-            known = best.fitted if other.parameters == law.parameters else _without(best.fitted, law.id)
-            start = {**best.fitted.x, **_same_size(law, other, best.fitted.x)}
-            near = fit(problem, model.structure, model.free, start, known=known)
+            known = best if other.parameters == law.parameters else _without(best, law.id)
+            start = {**best.x, **_same_size(law, other, best.x)}
+            near = fit(problem, model, start, known=known)
             used = next(best.model.law(e) for e in best.model.effects if best.model.law(e).id == law.id)
             more = PER_PARAMETER * (len(other.parameters) - len(used.parameters))
             if near.cost + more < best.cost - WORTH * near.overdispersion:
-                best = _converged(problem, Explanation(model, near))
+                best = _converged(problem, near)
     return best
 
 
@@ -200,20 +170,19 @@ def _same_size(law: Effect, other: Effect, x: Mapping[str, float]) -> dict[str, 
     }
 
 
-def _converged(problem: Problem, one: Explanation) -> Explanation:
+def _converged(problem: Problem, one: Fitted) -> Fitted:
     """Fitted until a fresh Jacobian changes nothing."""
-    now = one.fitted
     for _ in range(PASSES):
-        here = sensitivities(problem, now)
-        found = fit(problem, one.model.structure, one.model.free, here.x, known=here)
+        here = sensitivities(problem, one)
+        found = fit(problem, one.model, here.x, known=here)
         done = here.cost - found.cost < CONVERGED * found.overdispersion
-        now = replace(found, jacobian=here.jacobian)
+        one = replace(found, jacobian=here.jacobian, own=True)
         if done:
             break
-    return Explanation(one.model, now, True)
+    return one
 
 
-def _moved(problem: Problem, first: Explanation, one: Explanation) -> Explanation:
+def _moved(problem: Problem, first: Fitted, one: Fitted) -> Fitted:
     """A single effect in another metric. first: without effects, there.
 
     Where its old numbers lead to a worse fit than none, those of `first` with its size are the start.
@@ -221,9 +190,8 @@ def _moved(problem: Problem, first: Explanation, one: Explanation) -> Explanatio
     there = _converged(problem, one)
     if there.cost < first.cost:
         return there
-    start = {**one.fitted.x, **first.fitted.x}
-    again = fit(problem, one.model.structure, one.model.free, start)
-    return min(there, _converged(problem, Explanation(one.model, again)), key=lambda e: e.cost)
+    again = fit(problem, one.model, {**one.x, **first.x})
+    return min(there, _converged(problem, again), key=lambda e: e.cost)
 
 
 def _without(fitted: Fitted, effect: str) -> Fitted:
@@ -234,13 +202,13 @@ def _without(fitted: Fitted, effect: str) -> Fitted:
 
 def _extended(
     problem: Problem,
-    of: Explanation,
+    of: Fitted,
     effects: Sequence[Effect],
     width: int,
-    alone: Mapping[str, Explanation],
+    alone: Mapping[str, Fitted],
     known: set[frozenset[str]],
-) -> list[Explanation]:
-    base = of.fitted if of.own else sensitivities(problem, of.fitted)
+) -> list[Fitted]:
+    base = of if of.own else sensitivities(problem, of)
     space = tangent(base)
     free = [e for e in effects if e.id not in of.model.ids and of.effects | {e.id} not in known]
 
@@ -255,7 +223,7 @@ def _extended(
     screened = [s for s in side_by_side(promise, free) if s]
     worth = WORTH * base.overdispersion
     chosen = [s for s in sorted(screened, key=lambda s: -s.predicted) if s.predicted > worth][:width]
-    found = list(side_by_side(lambda s: Explanation(s.model, fit_from(problem, base, s)), chosen))
+    found = list(side_by_side(partial(fit_from, problem, base), chosen))
     missed = [s.predicted - (base.cost - e.cost) for s, e in zip(chosen, found, strict=True)]
     again = [
         s.model
@@ -264,7 +232,7 @@ def _extended(
         and _starts_anywhere(s.model)
     ]
     first_far = not of.effects and base.overdispersion >= FAR_OFF
-    if first_far and not any(_comes_near(base, e.fitted) for e in found):
+    if first_far and not any(_comes_near(base, e) for e in found):
         promising = _promising_from_start(problem, of.model, free)
         again = list({m.effects: m for m in (*again, *promising)}.values())
     found += side_by_side(partial(_from_start, problem), again)
@@ -276,8 +244,8 @@ def _promising_from_start(problem: Problem, model: Model, effects: Sequence[Effe
 
     A fit that is far off may have settled where the right effect does not help.
     """
-    rows = problem.residual(model.structure, model.start)
-    far = Fitted(model.structure, model.free, model.start, 0.0, rows, np.empty((rows.size, 0)))
+    rows = problem.residual(model, model.start)
+    far = Fitted(model, model.start, model.free, 0.0, rows, np.empty((rows.size, 0)))
     begin = sensitivities(problem, far)
     space = tangent(begin)
     screened = side_by_side(lambda e: screen(problem, begin, space, model, e), effects)
@@ -293,26 +261,23 @@ def _starts_anywhere(model: Model) -> bool:
     return not law.in_one_run and law.id not in DEGREES_OF_FREEDOM
 
 
-def _from_start(problem: Problem, model: Model) -> Explanation:
+def _from_start(problem: Problem, model: Model) -> Fitted:
     """A model fitted from the start values and its last effect's own size; without the metric, the way is
     shorter."""
     law = model.law(model.effects[-1])
     start = model.start | {law.coordinate_name(p): p.size * p.per for p in law.parameters}
-    near = fit(problem.plain, model.structure, model.free, start)
-    return _converged(problem, Explanation(model, near))
+    return _converged(problem, fit(problem.plain, model, start))
 
 
-def _again(
-    problem: Problem, base: Fitted, space: Tangent, model: Model, alone: Explanation
-) -> Screened | None:
+def _again(problem: Problem, base: Fitted, space: Tangent, model: Model, alone: Fitted) -> Screened | None:
     """The linear prediction of an effect that was fitted alone, at the size that it had there."""
     name = alone.model.effects[-1]
     law = alone.model.law(name)
     happened_in = alone.model.happened_in if law.in_one_run else ""
     more = model.with_effect(name, happened_in, alone.model.happened_order)
     own = {law.coordinate_name(p) for p in law.parameters} | {*law.releases}
-    start = {n: alone.fitted.x[n] for n in own if n in alone.fitted.x}
-    rows = problem.model(more.structure, {**base.x, **start})
+    start = {n: alone.x[n] for n in own if n in alone.x}
+    rows = problem.model(more, {**base.x, **start})
     signature = space.outside(rows - (problem.measured - base.rows))
     predicted, amount = score(signature, space.outside(base.rows))
     return Screened(law.id, more, predicted, start) if amount > 0 or law.signed else None

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
 
 import numpy as np
 
 from rover_sweep.data.geometry import Geometry, Tolerances
 from rover_sweep.diagnosis.effects import Effect
-from rover_sweep.diagnosis.held_out import FittedModel, HeldOutRun, refitted_without, scaled_floor, worse_by
-from rover_sweep.diagnosis.posterior.explanations import Explanation, explored, refitted
+from rover_sweep.diagnosis.held_out import HeldOutRun, scaled_floor, worse_by
+from rover_sweep.diagnosis.posterior.explanations import explored, refitted
 from rover_sweep.diagnosis.posterior.model_fit import ModelFit, fit_with_floor, in_metric_of, model_fit
 from rover_sweep.diagnosis.posterior.unnamed import UnnamedFamily, families, held_out_costs
 from rover_sweep.diagnosis.posterior.weights import (
@@ -24,7 +23,7 @@ from rover_sweep.diagnosis.posterior.weights import (
     evidence_of,
     posterior,
 )
-from rover_sweep.diagnosis.problem.least_squares import COARSE, cost_of, fit, sensitivities
+from rover_sweep.diagnosis.problem.least_squares import COARSE, Fitted, cost_of, fit, sensitivities
 from rover_sweep.diagnosis.problem.residuals import Problem, never, with_floor
 from rover_sweep.diagnosis.result import Baseline
 from rover_sweep.diagnosis.simulation.candidates import Model, has_roll, possible
@@ -92,7 +91,7 @@ class Explored:
     """
 
     none: ModelFit
-    pool: tuple[Explanation, ...]
+    pool: tuple[Fitted, ...]
     gains: Mapping[str, float]
     evidence: tuple[ExplanationEvidence, ...]
     held: tuple[Problem, ...]
@@ -105,7 +104,7 @@ class Explored:
         """Number of held-out rows."""
         return sum(p.size for p in self.held)
 
-    def of(self, effects: frozenset[str]) -> Explanation:
+    def of(self, effects: frozenset[str]) -> Fitted:
         """The explanation with these effects."""
         return next(e for e in self.pool if e.effects == effects)
 
@@ -126,25 +125,27 @@ def explore(
     options.progress("fitting the model", 0.0)
     model = replace(model, given=frozenset(model.ids))
     none = model_fit(runs, model, start, options.only, options.without)
-    first = Explanation(model, none.fitted, own=True)
     effects = possible(model, runs, options.only, options.without)[0]
     searched = replace(none.problem, stop=options.stop)
-    nearer = partial(_made_at, none, options.stop)
     tried: dict[frozenset[str], tuple[UnnamedFamily, ...]] = {}
 
-    def unnamed(problem: Problem, first: Explanation) -> float:
-        variance = COARSE * first.fitted.overdispersion
+    def nearer(one: Fitted) -> tuple[Problem, Fitted]:
+        there = replace(in_metric_of(none.problem.plain, one), stop=options.stop)
+        return there, sensitivities(there, fit(there, model, none.fitted.x))
+
+    def unnamed(problem: Problem, first: Fitted) -> float:
+        variance = COARSE * first.overdispersion
         tried[first.effects] = _families(problem, first, variance)
         return ELSE + POWER * tried[first.effects][0].evidence(variance)
 
-    problem, made_at, every = explored(searched, first, effects, nearer, unnamed, options.progress)
+    problem, made_at, every = explored(searched, none.fitted, effects, nearer, unnamed, options.progress)
     pool = tuple(e for e in every if e.own)
-    without_effects = next(e for e in pool if not e.effects).fitted
+    without_effects = next(e for e in pool if not e.effects)
     none = replace(none, problem=replace(problem, stop=never), fitted=without_effects)
     alone = {next(iter(e.effects)): none.fitted.cost - e.cost for e in every if len(e.effects) == 1}
     options.progress("weighing the explanations", 0.85)
     judged = tuple(_held_out(run, none, made_at) for run in held)
-    costs = [sum(cost_of(p, e.fitted) for p in judged) for e in pool]
+    costs = [sum(cost_of(p, e) for p in judged) for e in pool]
     length = float(none.problem.runs[0].t[-1])
     evidence = tuple(evidence_of(e, c, length, len(runs)) for e, c in zip(pool, costs, strict=True))
     found = Explored(none, pool, {e: max(gain, 0.0) for e, gain in alone.items()}, evidence, judged)
@@ -175,7 +176,7 @@ def infer(
     weighed, none = found.posterior, found.none
     named = _named(weighed)
     whole = _whole(found, weighed, named)
-    last = none.with_explanation(whole.model, whole.fitted) if whole.effects else none
+    last = none.with_explanation(whole) if whole.effects else none
     return Inference(
         none,
         last,
@@ -188,9 +189,9 @@ def infer(
     )
 
 
-def _families(problem: Problem, e: Explanation, variance: float) -> tuple[UnnamedFamily, ...]:
+def _families(problem: Problem, e: Fitted, variance: float) -> tuple[UnnamedFamily, ...]:
     """The families in what an explanation leaves, the largest evidence first."""
-    return tuple(sorted(families(problem, e.fitted), key=lambda f: -f.evidence(variance)))
+    return tuple(sorted(families(problem, e), key=lambda f: -f.evidence(variance)))
 
 
 def _something_else(found: Explored, effects: frozenset[str]) -> SomethingElse:
@@ -198,22 +199,15 @@ def _something_else(found: Explored, effects: frozenset[str]) -> SomethingElse:
     likely = found.families[effects][:LIKELY]
     changes = np.zeros(len(likely))
     for run in found.held:
-        before, after = held_out_costs(run, found.of(effects).fitted, likely, coarsened(found.evidence))
+        before, after = held_out_costs(run, found.of(effects), likely, coarsened(found.evidence))
         changes += np.array(after) - before
     return SomethingElse(effects, likely, changes)
 
 
-def _made_at(none: ModelFit, stop: Callable[[], bool], one: Explanation) -> tuple[Problem, Explanation]:
-    """The problem in the metric made at an explanation, and the model without effects in it."""
-    problem = replace(in_metric_of(none.problem.plain, one.fitted, one.model), stop=stop)
-    fitted = fit(problem, none.model.structure, none.model.free, none.fitted.x)
-    return problem, Explanation(none.model, sensitivities(problem, fitted), own=True)
-
-
-def _held_out(run: Experiment, none: ModelFit, made_at: Explanation) -> Problem:
+def _held_out(run: Experiment, none: ModelFit, made_at: Fitted) -> Problem:
     """A held-out run as a problem in the metric of what every rover has."""
-    floor = scaled_floor(run, none.problem.floor, FittedModel(none.model, none.closest.x))
-    return in_metric_of(with_floor([run], floor), made_at.fitted, made_at.model)
+    floor = scaled_floor(run, none.problem.floor, none.closest)
+    return in_metric_of(with_floor([run], floor), made_at)
 
 
 def _named(weighed: Posterior) -> list[tuple[str, dict[str, float]]]:
@@ -233,7 +227,7 @@ def _named(weighed: Posterior) -> list[tuple[str, dict[str, float]]]:
     return sure
 
 
-def _whole(found: Explored, weighed: Posterior, named: Sequence[tuple[str, object]]) -> Explanation:
+def _whole(found: Explored, weighed: Posterior, named: Sequence[tuple[str, object]]) -> Fitted:
     """The most probable explanation with all named effects and no other one that matters."""
     ids = frozenset(e for e, _ in named)
     if not ids:
@@ -249,9 +243,8 @@ def _whole(found: Explored, weighed: Posterior, named: Sequence[tuple[str, objec
         source = next(found.of(w.effects).model for w in weighed.weighed if missing in w.effects)
         name = next(n for n in source.effects if source.law(n).id == missing)
         model = model.with_effect(name, source.happened_in, source.happened_order)
-    x = {c.name: near.fitted.x.get(c.name, c.start + c.scale) for c in model.free}
-    begin = replace(near.fitted, structure=model.structure, free=model.free, x=x)
-    return refitted(found.none.problem, Explanation(model, begin))
+    x = {c.name: near.x.get(c.name, c.start + c.scale) for c in model.free}
+    return refitted(found.none.problem, replace(near, model=model, free=model.free, x=x))
 
 
 def _of(
@@ -278,7 +271,7 @@ def baseline_of(runs: Sequence[Experiment], rover: Geometry) -> Baseline:
     problem = with_floor(runs, fullest.floor)
     for baseline in ladder[:-1]:
         model = Model(baseline, rover, Tolerances())
-        if fit(problem, model.structure, model.free, model.start).data_cost < EQUAL_COST * found.data_cost:
+        if fit(problem, model, model.start).data_cost < EQUAL_COST * found.data_cost:
             return baseline
     return ladder[-1]
 
@@ -286,7 +279,7 @@ def baseline_of(runs: Sequence[Experiment], rover: Geometry) -> Baseline:
 # Takes out the names that held-out runs refute: an effect must improve runs that the fit did not use.
 
 
-Judged = tuple[Inference, tuple[HeldOutRun, ...], Mapping[str, FittedModel], Mapping[str, float]]
+Judged = tuple[Inference, tuple[HeldOutRun, ...], Mapping[str, Fitted], Mapping[str, float]]
 
 
 def without_refuted(found: Inference, held: Sequence[Experiment]) -> Judged:
@@ -298,38 +291,32 @@ def without_refuted(found: Inference, held: Sequence[Experiment]) -> Judged:
     """
     refuted: dict[str, float] = {}
     while True:
-        last, whole = found.last, nearest_fit(found.last)
+        last, whole = found.last, found.last.closest
         runs = tuple(HeldOutRun.of(run, last.problem.floor, whole) for run in held)
         names = [named.law.id for named in found.named]
-        rests = {name: _without(name, found, whole) for name in names} if held else {}
-        worse = {name: _worse_by(runs, rest, whole) for name, rest in rests.items()}
+        plain = last.problem.plain
+        rests = {
+            name: found.none.closest
+            if set(whole.model.ids) == {name}
+            else fit(plain, whole.model.without(name), whole.x)
+            for name in (names if held else ())
+        }
+        worse = {
+            name: worse_by(*(np.concatenate([run.residual(m) for run in runs]) for m in (rest, whole)))
+            for name, rest in rests.items()
+        }
         worst = max(worse, key=lambda name: worse[name], default="")
         if not worst or worse[worst] <= 0.0:
             return found, runs, rests, refuted
         refuted[worst] = found.posterior.effects.get(worst, 0.0)
-        found = _taken_out(worst, found, rests[worst])
-
-
-def nearest_fit(last: ModelFit) -> FittedModel:
-    """The fit nearest to the recordings: a model alone, without a rover's tolerances, predicts a run."""
-    return FittedModel(last.model, last.closest.x)
-
-
-def _without(effect: str, found: Inference, whole: FittedModel) -> FittedModel:
-    if set(whole.model.ids) == {effect}:
-        return nearest_fit(found.none)
-    return refitted_without(effect, found.last.problem.plain, whole)
-
-
-def _worse_by(runs: Sequence[HeldOutRun], rest: FittedModel, whole: FittedModel) -> float:
-    before, after = (np.concatenate([run.residual(m) for run in runs]) for m in (rest, whole))
-    return worse_by(before, after)
-
-
-def _taken_out(effect: str, found: Inference, rest: FittedModel) -> Inference:
-    last, problem = found.none, found.last.problem
-    if rest.model.effects:
-        fitted = fit(problem, rest.model.structure, rest.model.free, rest.x)
-        last = found.none.with_explanation(rest.model, sensitivities(problem, fitted))
-    kept = tuple(named for named in found.named if named.law.id != effect)
-    return replace(found, last=last, posterior=found.posterior.without(effect), named=kept, families=())
+        rest, now = rests[worst], found.none
+        if rest.model.effects:
+            metric = last.problem
+            now = now.with_explanation(sensitivities(metric, fit(metric, rest.model, rest.x)))
+        found = replace(
+            found,
+            last=now,
+            posterior=found.posterior.without(worst),
+            named=tuple(named for named in found.named if named.law.id != worst),
+            families=(),
+        )

@@ -17,18 +17,24 @@ from rover_sweep.diagnosis.effects.effect import (
     Effect,
     EffectParameter,
     ForceEffect,
-    LinkageEffect,
     SensorEffect,
-    SpeedGripEffect,
+    SteeringEffect,
     VehicleEffect,
 )
-from rover_sweep.diagnosis.problem.least_squares import COARSE, Fitted, fit, sensitivities
+from rover_sweep.diagnosis.problem.least_squares import (
+    COARSE,
+    Fitted,
+    Signature,
+    columns,
+    fit,
+    sensitivities,
+    signatures,
+    speed_drift,
+)
 from rover_sweep.diagnosis.problem.residuals import Problem, Rows, problem, signals_left
-from rover_sweep.diagnosis.problem.signatures import Signature, columns, signatures, speed_drift
 from rover_sweep.diagnosis.simulation.candidates import Model, possible
 from rover_sweep.diagnosis.simulation.experiment import CHANNELS, RATE, Experiment
-from rover_sweep.diagnosis.simulation.simulator import Sensors, logged, motion, sensed
-from rover_sweep.diagnosis.simulation.structure import Structure
+from rover_sweep.diagnosis.simulation.simulator import logged, motion, sensed
 from rover_sweep.diagnosis.simulation.table_law import FORCES, force_at
 
 # The rows that any small force, steering angle or sensor error would add to a fitted model.
@@ -59,10 +65,10 @@ class RunTransfers:
 
 
 def transfers(
-    runs: Sequence[Experiment], structure: Structure, x: Mapping[str, float], places: Sequence[str] = ()
+    runs: Sequence[Experiment], model: Model, x: Mapping[str, float], places: Sequence[str] = ()
 ) -> list[RunTransfers]:
     """The impulse responses of a model at the coordinates x in each run. places: () for all."""
-    return [_of_run(run, structure, x, places or places_in(structure, run)) for run in runs]
+    return [_of_run(run, model, x, places or places_in(model, run)) for run in runs]
 
 
 def added_rows(problem: Problem, found: Sequence[RunTransfers], place: str, spectra: Sequence[Any]) -> Array:
@@ -86,39 +92,37 @@ def tapered_spectrum(run: Experiment, s: Array) -> Any:
     return rfft((s * run.taper).astype(np.float32))
 
 
-def _of_run(
-    run: Experiment, structure: Structure, x: Mapping[str, float], places: Sequence[str]
-) -> RunTransfers:
-    sensors = Sensors.of(run)
-    plain = logged(run, structure, x, sensors)
-    moved = motion(run, structure, x)
+def _of_run(run: Experiment, model: Model, x: Mapping[str, float], places: Sequence[str]) -> RunTransfers:
+    plain = logged(run, model, x)
+    moved = motion(run, model, x)
     at = int(PULSE_AT * run.t.size)
     n = min(int(LENGTH * RATE), run.t.size - at)
     responses = {}
     for place in places:
-        effect, pulse = _pulse(place, structure, at)
-        more = replace(structure, effects=(*structure.effects, effect))
-        log = logged(run, more, x, sensors)
+        effect, pulse = _pulse(place, model, at)
+        more = replace(model, unnamed=(*model.unnamed, effect))
+        log = logged(run, more, x)
         change = {c: (log[c] - plain[c])[at - 2 : at - 2 + n] / pulse for c in plain}
-        responses[place] = {c: _early(h, run.t.size) for c, h in change.items() if np.max(np.abs(h)) > 0}
-    return RunTransfers(run, moved, sensed(run, structure, x, moved), responses)
+        # it begins two samples before its pulse, as the filters are not causal
+        spectra = {
+            c: rfft(np.roll(np.concatenate((h, np.zeros(run.t.size - h.size))), -2).astype(np.float32))
+            for c, h in change.items()
+            if np.max(np.abs(h)) > 0
+        }
+        responses[place] = spectra
+    return RunTransfers(run, moved, sensed(run, model, x, moved), responses)
 
 
-def _early(h: Array, size: int) -> Any:
-    """Spectrum of a response that begins two samples before its pulse, as the filters are not causal."""
-    return rfft(np.roll(np.concatenate((h, np.zeros(size - h.size))), -2).astype(np.float32))
-
-
-def places_in(structure: Structure, run: Experiment) -> tuple[str, ...]:
+def places_in(model: Model, run: Experiment) -> tuple[str, ...]:
     """The places at which a law can act in this model."""
-    forces = FORCES if structure.slip and not structure.lumped else ()
-    body = [place for place in forces if structure.roll or place != "roll moment"]
+    forces = FORCES if model.slip and not model.lumped else ()
+    body = [place for place in forces if model.roll or place != "roll moment"]
     return ("steering", *body, *(f"sensor of {c}" for c in run.measured))
 
 
-def _pulse(place: str, structure: Structure, at: int) -> tuple[Effect, float]:
+def _pulse(place: str, model: Model, at: int) -> tuple[Effect, float]:
     """(effect that adds a pulse of one sample at the index `at`, its height)."""
-    rover = structure.rover
+    rover = model.rover
     common: dict[str, Any] = {
         "id": "pulse",
         "title": "pulse",
@@ -129,7 +133,7 @@ def _pulse(place: str, structure: Structure, at: int) -> tuple[Effect, float]:
         "parameters": (EffectParameter("none", "", 1.0, 0.0, 1.0, ""),),
     }
     if place == "steering":
-        return LinkageEffect(**common, act=lambda d, q: _plus(d, at, ANGLE)), ANGLE
+        return SteeringEffect(**common, act=lambda d, q: _plus(d, at, ANGLE)), ANGLE
     if place.startswith("sensor of "):
         act = partial(_sense, place.split()[-1], at)
         return SensorEffect(**common, act=act), 1.0
@@ -187,15 +191,15 @@ def structural_error(problem: Problem, fitted: Fitted) -> list[Signature]:
 
 def errors_of_coefficients(problem: Problem, fitted: Fitted) -> Iterator[Signature]:
     """Of coefficients that a model with slipping tyres has, and no measurement decides."""
-    structure, x = fitted.structure, fitted.x
-    if structure.lumped or not structure.slip:
+    model, x = fitted.model, fitted.x
+    if model.lumped or not model.slip:
         return
-    rover, stiffness = structure.rover, exp(x["ln_C"])
+    rover, stiffness = model.rover, exp(x["ln_C"])
     parts = {"yaw moment": ("trail", TRAIL * rover.wheelbase * rover.mass)}
-    if structure.roll and rover.h:
+    if model.roll and rover.h:
         height = HEIGHT * rover.h * exp(x.get("ln_h", 0.0))
         parts |= {f"side force {end}": (f"roll axis {end}", height * stiffness) for end in ("front", "rear")}
-    found = transfers(problem.runs, structure, x, tuple(parts))
+    found = transfers(problem.runs, model, x, tuple(parts))
     for place, (name, size) in parts.items():
         driving = [t.motion["across"] if name == "trail" else t.motion["p"] / t.motion["V"] for t in found]
         spectra = [tapered_spectrum(t.run, size * s) for t, s in zip(found, driving, strict=True)]
@@ -204,7 +208,7 @@ def errors_of_coefficients(problem: Problem, fitted: Fitted) -> Iterator[Signatu
 
 def errors_of_responses(problem: Problem, fitted: Fitted) -> list[Signature]:
     """Of gain and phase in each octave of each channel."""
-    modelled = problem.plain_models(fitted.structure, [fitted.x])[0]
+    modelled = problem.plain_models(fitted.model, [fitted.x])[0]
     out = []
     for channel in dict.fromkeys(r.channel for r in problem.rows):
         runs = [r for r in problem.rows if r.channel == channel]
@@ -241,11 +245,15 @@ class ModelFit:
     the recordings. cannot_see: {effect: why}.
     """
 
-    model: Model
     problem: Problem
     closest: Fitted
     fitted: Fitted
     cannot_see: Mapping[str, str]
+
+    @property
+    def model(self) -> Model:
+        """What was fitted."""
+        return self.fitted.model
 
     @property
     def misfit(self) -> dict[str, float]:
@@ -253,11 +261,9 @@ class ModelFit:
         parts = {c: self.problem.part(self.fitted.rows, channel=c) for c in CHANNELS}
         return {c: float(np.mean(part**2)) for c, part in parts.items() if part.size}
 
-    def with_explanation(self, model: Model, fitted: Fitted) -> ModelFit:
+    def with_explanation(self, fitted: Fitted) -> ModelFit:
         """Another model that was fitted in the same metric, with its closest fit."""
-        plain = self.problem.plain
-        near = fit(plain, model.structure, model.free, fitted.x)
-        return replace(self, model=model, closest=near, fitted=fitted)
+        return replace(self, closest=fit(self.problem.plain, fitted.model, fitted.x), fitted=fitted)
 
 
 def model_fit(
@@ -269,18 +275,18 @@ def model_fit(
 ) -> ModelFit:
     """The model fitted to runs. start: {coordinate: value}; only, without: ids, for `cannot_see`."""
     plain, closest = fit_with_floor(runs, model, start)
-    metric = in_metric_of(plain, closest, model)
+    metric = in_metric_of(plain, closest)
     known = replace(closest, jacobian=metric.of(closest.jacobian))
-    fitted = sensitivities(metric, fit(metric, model.structure, model.free, closest.x, known=known))
-    return ModelFit(model, metric, closest, fitted, possible(model, runs, only, without)[1])
+    fitted = sensitivities(metric, fit(metric, model, closest.x, known=known))
+    return ModelFit(metric, closest, fitted, possible(model, runs, only, without)[1])
 
 
-def in_metric_of(plain: Problem, fitted: Fitted, model: Model) -> Problem:
+def in_metric_of(plain: Problem, fitted: Fitted) -> Problem:
     """The problem in the metric of what every rover has: tolerances, errors of speed and structure."""
-    effects = possible(model, plain.runs)[0]
-    given, plain = plain, plain.steadied(fitted.structure, fitted.x)
-    known = signatures(plain, fitted, model, effects, tolerances=True)
-    inexact = {e.id for e in effects if isinstance(e, VehicleEffect | SpeedGripEffect)}
+    effects = possible(fitted.model, plain.runs)[0]
+    given, plain = plain, plain.steadied(fitted.model, fitted.x)
+    known = signatures(plain, fitted, effects, tolerances=True)
+    inexact = {e.id for e in effects if isinstance(e, VehicleEffect) or e.id == "tyre_speed"}
     usual = [*(s for s in known if s.effect in inexact), *speed_drift(plain, fitted)]
     usual += structural_error(plain, fitted)
     measured = [s for s in known if s.effect not in inexact]
@@ -300,11 +306,11 @@ def fit_with_floor(
     x = {**model.start, **start}
     for _ in range(1 if near else 2):
         found = with_floor_of(runs, model, x)
-        fitted = fit(found, model.structure, model.free, x)
+        fitted = fit(found, model, x)
         x = dict(fitted.x)
     return found, fitted
 
 
 def with_floor_of(runs: Sequence[Experiment], model: Model, x: Mapping[str, float]) -> Problem:
     """The problem of the runs with the noise floor of a model's residual. x: {coordinate: value}."""
-    return problem(runs, [signals_left(run, model.structure, x) for run in runs])
+    return problem(runs, [signals_left(run, model, x) for run in runs])

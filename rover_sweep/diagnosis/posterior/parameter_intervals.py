@@ -111,7 +111,10 @@ def effect_values(effect: Effect, last: ModelFit, drawn: list[dict[str, float]])
         if effect.in_one_run and name == "t":  # on the clock of the recording
             begin = next(r.begin for r in last.problem.runs if r.name == last.model.happened_in)
         found = Quantity(name, unit, value + begin, shown_end(low + begin), shown_end(high + begin), meaning)
-        out.append(found if np.isfinite(value) else _unbounded(found))
+        if not np.isfinite(value):  # a limit or cut-off of which only the lower bound is known
+            words = f"{meaning}; not visible in these data"
+            found = replace(found, value=UNBOUNDED, high=None, meaning=words)
+        out.append(found)
     return tuple(out)
 
 
@@ -161,11 +164,6 @@ def _interval(
 def shown_end(x: float) -> float | None:
     """An end of an interval, None where it is not limited."""
     return float(x) if np.isfinite(x) and abs(x) < UNBOUNDED else None
-
-
-def _unbounded(v: Quantity) -> Quantity:
-    """A limit or cut-off that the data do not show: only its lower bound is known."""
-    return Quantity(v.name, v.unit, UNBOUNDED, v.low, None, f"{v.meaning}; not visible in these data")
 
 
 # The rover's numbers from the posterior of a fitted model: medians and 90 % intervals of its draws.
@@ -224,7 +222,7 @@ def _with_free_axles(last: ModelFit) -> ModelFit:
     )
     if free == last.fitted.free:
         return last
-    fitted = fit(last.problem, last.fitted.structure, free, last.fitted.x)
+    fitted = fit(last.problem, last.fitted.model, last.fitted.x, free)
     return replace(last, fitted=sensitivities(last.problem, fitted))
 
 

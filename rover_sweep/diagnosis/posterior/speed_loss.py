@@ -26,15 +26,15 @@ import numpy as np
 from rover_sweep.data.recording import Array
 from rover_sweep.data.results import ByName, Quantity
 from rover_sweep.diagnosis.effects import library
-from rover_sweep.diagnosis.held_out import FittedModel, HeldOutRun, fit_of
+from rover_sweep.diagnosis.effects.effect import Values
+from rover_sweep.diagnosis.held_out import HeldOutRun, fit_of
 from rover_sweep.diagnosis.posterior.infer import SURE
 from rover_sweep.diagnosis.posterior.weights import FIRST, SPAN, WIDTH
 from rover_sweep.diagnosis.problem.least_squares import COARSE
 from rover_sweep.diagnosis.result import Finding, HeldOut, Unknown
+from rover_sweep.diagnosis.simulation.candidates import Model
 from rover_sweep.diagnosis.simulation.experiment import RATE, Experiment, smoothed
-from rover_sweep.diagnosis.simulation.kernel import summed_with_loss
-from rover_sweep.diagnosis.simulation.simulator import motion
-from rover_sweep.diagnosis.simulation.structure import Structure, Values
+from rover_sweep.diagnosis.simulation.simulator import FittedModel, motion, summed_with_loss
 
 LAGS = np.geomspace(0.2, 5.0, 13)  # s, of the drive: speed controller, motor and mass
 ORDER = 3  # of the autoregression
@@ -92,9 +92,9 @@ class Drive:
     heading: Array
 
 
-def speed_loss(runs: Sequence[Experiment], structure: Structure, x: Values, seed: int) -> SpeedLoss:
+def speed_loss(runs: Sequence[Experiment], model: Model, x: Values, seed: int) -> SpeedLoss:
     """The speed that cornering cost in these runs. x: {coordinate: value} of the fitted model."""
-    drives = [_drive(run, structure, x) for run in runs]
+    drives = [_drive(run, model, x) for run in runs]
     table = [[_rows(drive, float(lag)) for drive in drives] for lag in LAGS]
     white, noise = np.zeros(ORDER), np.inf
     for _ in range(3):
@@ -106,8 +106,8 @@ def speed_loss(runs: Sequence[Experiment], structure: Structure, x: Values, seed
     return _result(drives, table, [_regression(rows, white, noise) for rows in table], noise, seed)
 
 
-def _drive(run: Experiment, structure: Structure, x: Values) -> Drive:
-    moved, rover = motion(run, structure, x), structure.rover
+def _drive(run: Experiment, model: Model, x: Values) -> Drive:
+    moved, rover = motion(run, model, x), model.rover
     inertia = np.exp(x["ln_Izz"]) if "ln_Izz" in x else rover.yaw_inertia or rover.mass * rover.a * rover.b
     front = (rover.b * moved["across"] + inertia / rover.mass * moved["r_dot"]) / rover.wheelbase
     own = moved["v"] * moved["r"] - front * np.sin(moved["delta"])
@@ -213,7 +213,7 @@ class AtPredictedSpeed(FittedModel):
 
     def speed(self, run: Experiment) -> Array:
         """The speed (n,) [m/s] by the rover's own drag and this loss, about the run's mean."""
-        drive = _drive(run, self.model.structure, self.x)
+        drive = _drive(run, self.model, self.x)
         taken = _through(drive.own - self.loss * drive.square, self.lag)
         return float(np.mean(run.speed)) + taken - float(np.mean(taken))
 

@@ -16,13 +16,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from math import exp
 from typing import Any
 
 import numpy as np
 
 from rover_sweep.data.recording import Array
-from rover_sweep.diagnosis.effects.effect import CommandEffect, LinkageEffect
+from rover_sweep.diagnosis.effects.effect import SteeringEffect, Values
 from rover_sweep.diagnosis.posterior.model_fit import (
     ModelFit,
     RunTransfers,
@@ -35,9 +36,9 @@ from rover_sweep.diagnosis.problem.least_squares import WEAK, Fitted, prior_info
 from rover_sweep.diagnosis.problem.residuals import Problem
 from rover_sweep.diagnosis.result import LawCurve
 from rover_sweep.diagnosis.search import tangent
+from rover_sweep.diagnosis.simulation.candidates import Model
 from rover_sweep.diagnosis.simulation.simulator import motion, vehicle_numbers
 from rover_sweep.diagnosis.simulation.single_track import SGN_WIDTH, VehicleNumbers, tyre_force
-from rover_sweep.diagnosis.simulation.structure import Structure, Values
 from rover_sweep.diagnosis.simulation.table_law import TableLaw, acting, quantity, remembered, resonator
 
 # Candidate laws: each place with each quantity that it may depend on, as a group of hat functions.
@@ -135,7 +136,7 @@ EVERY = 10  # of the draws
 POINTS = 25
 VISITED = (1.0, 99.0)  # percent of the samples
 SLOWLY = 40  # samples of the steering between two points of its curve
-Law = Callable[[Values, Array], Array]
+Law = Callable[[VehicleNumbers, Array], Array]
 
 
 def answer_curves(last: ModelFit, drawn: Sequence[Mapping[str, float]]) -> tuple[LawCurve, ...]:
@@ -143,37 +144,36 @@ def answer_curves(last: ModelFit, drawn: Sequence[Mapping[str, float]]) -> tuple
 
     () of a lumped model.
     """
-    structure, x = last.model.structure, last.fitted.x
-    if structure.lumped:
+    model, x = replace(last.model, unnamed=()), last.fitted.x
+    if model.lumped:
         return ()
     some = (x, *drawn[::EVERY])
     found = []
-    if any((structure.of(CommandEffect), structure.of(LinkageEffect))):
-        found.append(_curve("steering", ("command", "rad"), "rad", _loop(last), _wheel(structure), some))
-    if structure.slip:
+    if model.of(SteeringEffect):
+        at = _loop(last)
+        found.append(_curve("steering", ("command", "rad"), "rad", at, [_wheel(model, x, at) for x in some]))
+    if model.slip:
         visited = _visited(last)
-        q = vehicle_numbers(structure, x)
+        numbers = [vehicle_numbers(model, x) for x in some]
         laws: list[tuple[str, tuple[str, str], str, Law]] = [
-            ("side force front", ("slip angle front", "rad"), "N", _tyre(structure, front=True)),
-            ("side force rear", ("slip angle rear", "rad"), "N", _tyre(structure, front=False)),
+            ("side force front", ("slip angle front", "rad"), "N", partial(_tyre, front=True)),
+            ("side force rear", ("slip angle rear", "rad"), "N", partial(_tyre, front=False)),
         ]
-        if q.T_roll:
-            laws.append(("roll damper", ("roll rate", "rad/s"), "N m", _damper(structure)))
-        if q.yaw_damp or q.yaw_damp_v:
-            speed = float(np.mean([run.mean_speed for run in last.problem.runs]))
-            laws.append(("yaw moment", ("yaw rate", "rad/s"), "N m", _against_turning(structure, speed)))
-        found += [
-            _curve(place, over, unit, np.linspace(*visited[over[0]], POINTS), law, some)
-            for place, over, unit, law in laws
-        ]
+        if numbers[0].T_roll:
+            laws.append(("roll damper", ("roll rate", "rad/s"), "N m", _damper))
+        if numbers[0].yaw_damp or numbers[0].yaw_damp_v:
+            v = float(np.mean([run.mean_speed for run in last.problem.runs]))
+            against = ("yaw rate", "rad/s"), "N m", lambda q, r: -(q.yaw_damp + q.yaw_damp_v / v) * r
+            laws.append(("yaw moment", *against))
+        for place, over, unit, law in laws:
+            at = np.linspace(*visited[over[0]], POINTS)
+            found.append(_curve(place, over, unit, at, [law(q, at) for q in numbers]))
     return tuple(found)
 
 
-def _curve(
-    place: str, over: tuple[str, str], unit: str, at: Array, law: Law, some: Sequence[Values]
-) -> LawCurve:
-    """The law at the fit, the first of `some`, with its band over the others."""
-    values = np.array([law(x, at) for x in some])
+def _curve(place: str, over: tuple[str, str], unit: str, at: Array, drawn: Sequence[Array]) -> LawCurve:
+    """The law at the fit, the first of `drawn`, with its band over the others."""
+    values = np.array(drawn)
     low, high = np.percentile(values[1:], LEVEL, axis=0) if len(values) > 1 else (values[0], values[0])
     low, high = np.minimum(low, values[0]), np.maximum(high, values[0])
     x, y, below, above = (tuple(map(float, some)) for some in (at, values[0], low, high))
@@ -182,11 +182,11 @@ def _curve(
 
 def _visited(last: ModelFit) -> dict[str, tuple[float, float]]:
     """{quantity: range} that the fitted model visits in the runs."""
-    structure, x = last.model.structure, last.fitted.x
-    q = vehicle_numbers(structure, x)
+    model, x = replace(last.model, unnamed=()), last.fitted.x
+    q = vehicle_numbers(model, x)
     seen: dict[str, list[Array]] = {}
     for run in last.problem.runs:
-        y = motion(run, structure, x)
+        y = motion(run, model, x)
         slips = y["v"] + q.a * y["r"], y["v"] - q.b * y["r"]
         front, rear = (np.arctan(across / y["V"]) for across in slips)
         parts = {"slip angle front": front - y["delta"], "slip angle rear": rear}
@@ -204,51 +204,27 @@ def _loop(last: ModelFit) -> Array:
     return np.concatenate((up, up[::-1]))
 
 
-def _wheel(structure: Structure) -> Law:
+def _wheel(model: Model, x: Values, at: Array) -> Array:
     """Road-wheel angle after a slow turn to each commanded angle, in their order."""
-
-    def law(x: Values, at: Array) -> Array:
-        twice = np.concatenate((at, at))  # so that play and friction begin as a turn leaves them
-        steps = np.arange(SLOWLY * (twice.size - 1) + 1) / SLOWLY
-        d = np.interp(steps, np.arange(twice.size), twice) * (1.0 + x.get("scale", 0.0))
-        for effect in (*structure.of(CommandEffect), *structure.of(LinkageEffect)):
-            d = effect.act(d, effect.coordinates(x))
-        return np.asarray(d[::SLOWLY][at.size :] - x.get("trim", 0.0))
-
-    return law
+    twice = np.concatenate((at, at))  # so that play and friction begin as a turn leaves them
+    steps = np.arange(SLOWLY * (twice.size - 1) + 1) / SLOWLY
+    d = np.interp(steps, np.arange(twice.size), twice) * (1.0 + x.get("scale", 0.0))
+    for effect in sorted(model.of(SteeringEffect), key=lambda e: not e.before_servo):
+        d = effect.act(d, effect.coordinates(x))
+    return np.asarray(d[::SLOWLY][at.size :] - x.get("trim", 0.0))
 
 
-def _tyre(structure: Structure, front: bool) -> Law:
+def _tyre(q: VehicleNumbers, at: Array, front: bool) -> Array:
     """Side force of an axle over its slip angle, without the shift of load."""
-
-    def law(x: Values, at: Array) -> Array:
-        q: VehicleNumbers = vehicle_numbers(structure, x)
-        stiffness, share = (q.Cf, q.b) if front else (q.Cr, q.a)
-        load = q.m * q.g * share / (q.a + q.b)
-        known = load, 1.0 / load, q.inv_mu, q.bend, q.tyre_form
-        return np.array([tyre_force(slip, stiffness, *known) for slip in at])
-
-    return law
+    stiffness, share = (q.Cf, q.b) if front else (q.Cr, q.a)
+    load = q.m * q.g * share / (q.a + q.b)
+    known = load, 1.0 / load, q.inv_mu, q.bend, q.tyre_form
+    return np.array([tyre_force(slip, stiffness, *known) for slip in at])
 
 
-def _damper(structure: Structure) -> Law:
+def _damper(q: VehicleNumbers, at: Array) -> Array:
     """Roll moment of damper and dry friction over the roll rate."""
-
-    def law(x: Values, at: Array) -> Array:
-        q = vehicle_numbers(structure, x)
-        return np.asarray(q.b_phi * at + q.T_roll * np.tanh(at / (SGN_WIDTH * exp(q.ln_width))))
-
-    return law
-
-
-def _against_turning(structure: Structure, speed: float) -> Law:
-    """Yaw moment over the yaw rate at a speed [m/s]."""
-
-    def law(x: Values, at: Array) -> Array:
-        q = vehicle_numbers(structure, x)
-        return -(q.yaw_damp + q.yaw_damp_v / speed) * at
-
-    return law
+    return np.asarray(q.b_phi * at + q.T_roll * np.tanh(at / (SGN_WIDTH * exp(q.ln_width))))
 
 
 LAMBDAS = np.geomspace(1e-3, 1e3, 25)  # over the size at which a family adds a row's standard deviation
@@ -277,17 +253,10 @@ class UnnamedFamily:
 
     def evidence(self, variance: float) -> float:
         """ln of the marginal likelihood with the family over that without, at a variance of the rows."""
-        return self._best(variance)[0]
+        return self.at_best(variance)[0]
 
-    def amounts(self, variance: float) -> Array:
-        """The coefficients (k,), at the prior's best width."""
-        return self._best(variance)[1]
-
-    def prior_root(self, variance: float) -> Array:
-        """(k, k) L with the prior's covariance L L^T of the coefficients, at its best width."""
-        return self._best(variance)[2]
-
-    def _best(self, variance: float) -> tuple[float, Array, Array]:
+    def at_best(self, variance: float) -> tuple[float, Array, Array]:
+        """(evidence, coefficients (k,), L (k, k) of their prior's covariance L L^T), at its best width."""
         k = self.b.size
         bend = np.diff(np.eye(k), n=2, axis=0) if self.law.memory != "resonance" else np.zeros((0, k))
         root = np.linalg.inv(np.linalg.cholesky(ON_POINTS * np.eye(k) + bend.T @ bend)).T
@@ -306,8 +275,10 @@ class UnnamedFamily:
 
 def families(problem: Problem, fitted: Fitted) -> list[UnnamedFamily]:
     """Every family that these runs can show, in what a fit with its own Jacobian leaves."""
-    found = transfers(problem.runs, fitted.structure, fitted.x)
-    laws = [*groups(found), *_resonances(found)]
+    found = transfers(problem.runs, fitted.model, fitted.x)
+    driven = [(place, DRIVEN_BY[place]) for place in found[0].responses if place in DRIVEN_BY]
+    resonances = (resonator(*one, float(f), DAMPING) for one in driven for f in RESONANCES)
+    laws = [*groups(found), *resonances]
     every, ends = columns_of(problem, found, laws)
     space = tangent(fitted)
     left = space.outside(fitted.rows)[: space.rows]
@@ -327,21 +298,15 @@ def held_out_costs(
     held: Problem, fitted: Fitted, chosen: Sequence[UnnamedFamily], variance: float
 ) -> tuple[float, list[float]]:
     """(sum of squares of a held-out run's rows, the same with each family), to first order."""
-    here = replace(fitted, rows=held.residual(fitted.structure, fitted.x))
+    here = replace(fitted, rows=held.residual(fitted.model, fitted.x))
     jacobian = sensitivities(held, here).jacobian
-    found = transfers(held.runs, fitted.structure, fitted.x)
+    found = transfers(held.runs, fitted.model, fitted.x)
     every, ends = columns_of(held, found, [f.law for f in chosen])
     out = []
     for f, begin, end in zip(chosen, [0, *ends], ends, strict=False):
-        rows = here.rows - (every[:, begin:end] + jacobian @ f.moved) @ f.amounts(variance)
+        rows = here.rows - (every[:, begin:end] + jacobian @ f.moved) @ f.at_best(variance)[1]
         out.append(float(rows @ rows))
     return float(here.rows @ here.rows), out
-
-
-def _resonances(found: Sequence[RunTransfers]) -> Iterator[TableLaw]:
-    for place in found[0].responses:
-        for f in RESONANCES if place in DRIVEN_BY else ():
-            yield resonator(place, DRIVEN_BY[place], float(f), DAMPING)
 
 
 def columns_of(

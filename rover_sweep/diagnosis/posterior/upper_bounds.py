@@ -31,8 +31,7 @@ from rover_sweep.diagnosis.problem.least_squares import COARSE, WEAK
 from rover_sweep.diagnosis.result import Unseen, UpperBound
 from rover_sweep.diagnosis.search import EARLIER, LAGS, Tangent, least_size, material_sizes, tangent
 from rover_sweep.diagnosis.simulation.candidates import DEGREES_OF_FREEDOM, Model, possible
-from rover_sweep.diagnosis.simulation.simulator import Sensors, logged
-from rover_sweep.diagnosis.simulation.structure import Structure
+from rover_sweep.diagnosis.simulation.simulator import logged
 from rover_sweep.spectra.side_by_side import side_by_side
 
 LEVEL = 0.95
@@ -123,7 +122,10 @@ def _distance(last: ModelFit, reach: Tangent, side: Side) -> float:
         power = 1.0
         if before[0]:
             power = float(np.clip(log(length / before[1]) / log(distance / before[0]), *STEEPNESS))
-        upper = _upper(float(rows @ residual) / float(np.linalg.norm(rows)), noise)
+        amount = float(rows @ residual) / float(np.linalg.norm(rows))
+        # the 95 % quantile of a normal distribution that is cut off below 0
+        below = float(ndtr(-amount / noise))
+        upper = amount + noise * float(ndtri(below + LEVEL * (1.0 - below)))
         found = distance * (upper / length) ** (1.0 / power)
         following = min(float(np.clip(found, NEAREST * plain, FARTHEST * plain)), side.room)
         if abs(log(following / distance)) < NEAREST:
@@ -138,12 +140,6 @@ def shown_length(rows: Array, distance: float, slack: float) -> float:
     return length / float(np.sqrt(1.0 + (length / distance * slack) ** 2)) if distance > 0 else 0.0
 
 
-def _upper(amount: float, deviation: float) -> float:
-    """The 95 % quantile of a normal distribution that is cut off below 0."""
-    below = float(ndtr(-amount / deviation))
-    return amount + deviation * float(ndtri(below + LEVEL * (1.0 - below)))
-
-
 def _rows(last: ModelFit, side: Side, distance: float) -> Array:
     """The rows (n,) of the model at a distance from the side's start."""
     if distance == 0.0 and not side.parameter.nominal:
@@ -151,15 +147,15 @@ def _rows(last: ModelFit, side: Side, distance: float) -> Array:
     return last.problem.model(*_at(last, side, side.start + side.way * distance))
 
 
-def _at(last: ModelFit, side: Side, coordinate: float) -> tuple[Structure, dict[str, float]]:
-    """The structure with the effect, and the coordinates {name: value} with its own at `coordinate`."""
+def _at(last: ModelFit, side: Side, coordinate: float) -> tuple[Model, dict[str, float]]:
+    """The model with the effect, and the coordinates {name: value} with its own at `coordinate`."""
     effect, p = side.effect, side.parameter
     x = {**last.fitted.x, effect.coordinate_name(p): coordinate * p.per}
     order = 0
     if effect.in_one_run:
         run = next(r for r in last.problem.runs if r.name == side.run)
         x[effect.key("t")], order = 0.5 * float(run.t[-1]), run.order
-    return last.model.with_effect(effect.name, side.run, order).structure, x
+    return last.model.with_effect(effect.name, side.run, order), x
 
 
 def _reach(last: ModelFit, held: frozenset[str]) -> Tangent:
@@ -225,8 +221,7 @@ def _change(last: ModelFit, side: Side, bound: float, material: float) -> float:
     near, far = (_at(last, side, c) for c in (side.way * normal, side.way * max(side.way * bound, normal)))
     squares: dict[str, Array] = {c: np.zeros(2) for c in ("r", "ay")}
     for run in last.problem.runs:
-        sensors = Sensors.of(run)
-        one, two = logged(run, *near, sensors), logged(run, *far, sensors)
+        one, two = logged(run, *near), logged(run, *far)
         for c in squares:
             if c in run.measured:
                 squares[c] += float(np.sum((two[c] - one[c]) ** 2)), float(np.sum(one[c] ** 2))
@@ -251,19 +246,12 @@ def _ranges(
             matters[name] = reported_value(effect, p, -EARLIER)[2]
         elif p.name in material:
             matters[name] = reported_value(effect, p, material[p.name])[2]
-    return {
-        name: UpperBound(
-            units[name],
-            None if effect.id == "clock_offset" else _finite(min(found)),
-            _finite(max(found)),
-            matters.get(name),
-        )
-        for name, found in values.items()
-    }
-
-
-def _finite(value: float) -> float | None:
-    return value if isfinite(value) else None
+    out = {}
+    for name, found in values.items():
+        low, high = (end if isfinite(end) else None for end in (min(found), max(found)))
+        low = None if effect.id == "clock_offset" else low
+        out[name] = UpperBound(units[name], low, high, matters.get(name))
+    return out
 
 
 def reported_value(effect: Effect, p: EffectParameter, coordinate: float) -> tuple[str, str, float]:

@@ -29,8 +29,6 @@ from math import exp, log, prod, sqrt
 import numpy as np
 
 from rover_sweep.data.recording import Array
-from rover_sweep.diagnosis.effects import Effect
-from rover_sweep.diagnosis.posterior.explanations import Explanation
 from rover_sweep.diagnosis.posterior.unnamed import UnnamedFamily
 from rover_sweep.diagnosis.problem.least_squares import COARSE, WEAK, Fitted, prior_information
 from rover_sweep.diagnosis.search import is_material
@@ -97,10 +95,6 @@ class Weighed:
         """Ids of its effects that matter."""
         return frozenset(self.matters)
 
-    def without(self, effect: str) -> Weighed:
-        """With something else instead of one of its effects."""
-        return replace(self, matters={e: p for e, p in self.matters.items() if e != effect}, unnamed=True)
-
 
 @dataclass(frozen=True, eq=False)
 class Posterior:
@@ -128,8 +122,15 @@ class Posterior:
         return sum(w.probability for w in self.weighed if w.unnamed)
 
     def without(self, effect: str) -> Posterior:
-        """With an effect that is not the cause: explanations with it stand for something else."""
-        return Posterior(tuple(w.without(effect) if effect in w.matters else w for w in self.weighed))
+        """With an effect that is not the cause: in its explanations something else takes its place."""
+        return Posterior(
+            tuple(
+                replace(w, matters={e: p for e, p in w.matters.items() if e != effect}, unnamed=True)
+                if effect in w.matters
+                else w
+                for w in self.weighed
+            )
+        )
 
 
 def posterior(
@@ -181,27 +182,24 @@ def _gains(e: ExplanationEvidence, pool: Sequence[ExplanationEvidence]) -> dict[
     }
 
 
-def evidence_of(e: Explanation, held: float, length: float, runs: int) -> ExplanationEvidence:
+def evidence_of(e: Fitted, held: float, length: float, runs: int) -> ExplanationEvidence:
     """The numbers of a fitted explanation. held: see the class; length: of a run [s]; runs: their number."""
-    errors, laws = standard_errors(e.fitted), [e.model.law(name) for name in e.model.effects]
-    widths = {name: width for law in laws for name, width in _widths(law, length).items()}
+    errors, laws = standard_errors(e), [e.model.law(name) for name in e.model.effects]
+    widths = {
+        law.coordinate_name(p): length if p.name == "t" else WIDTH * p.size * p.per
+        for law in laws
+        for p in law.parameters
+    }
     return ExplanationEvidence(
         e.effects,
         e.cost,
-        e.fitted.data_cost,
-        e.fitted.rows.size,
+        e.data_cost,
+        e.rows.size,
         held,
         prod(len(e.model.laws(law.id)) * (runs if law.in_one_run else 1) for law in laws),
         tuple(max(errors[n] * SPAN / w, 1e-12) for n, w in widths.items() if n in errors),
-        frozenset(i for i in e.effects if is_material(i, e.model, e.fitted.x)),
+        frozenset(i for i in e.effects if is_material(i, e.model, e.x)),
     )
-
-
-def _widths(law: Effect, length: float) -> dict[str, float]:
-    """{coordinate: width of its prior}."""
-    return {
-        law.coordinate_name(p): length if p.name == "t" else WIDTH * p.size * p.per for p in law.parameters
-    }
 
 
 def standard_errors(fitted: Fitted) -> dict[str, float]:

@@ -21,10 +21,9 @@ from scipy.fft import rfft
 
 from rover_sweep.data.recording import Array
 from rover_sweep.diagnosis.problem.noise_floor import TOP, Floor, floor_of
+from rover_sweep.diagnosis.simulation.candidates import Model
 from rover_sweep.diagnosis.simulation.experiment import RATE, Experiment
-from rover_sweep.diagnosis.simulation.kernel import weigh_into
-from rover_sweep.diagnosis.simulation.simulator import Sensors, logged, motion_coordinates, motions
-from rover_sweep.diagnosis.simulation.structure import Structure
+from rover_sweep.diagnosis.simulation.simulator import logged, motion_coordinates, motions, weigh_into
 from rover_sweep.spectra.side_by_side import side_by_side
 
 LOWEST = {"r": 0.0, "ay": 0.0, "p": 0.1, "vy": 0.5}  # Hz; below about 3 rad/s the GPS distorts the EKF's V_y
@@ -103,7 +102,6 @@ class Problem:
     """
 
     runs: tuple[Experiment, ...]
-    sensors: tuple[Sensors, ...]
     floor: Floor
     rows: tuple[Rows, ...]
     measured: Array
@@ -116,30 +114,30 @@ class Problem:
         """Number of rows."""
         return self.measured.size
 
-    def model(self, structure: Structure, x: Mapping[str, float]) -> Array:
+    def model(self, model: Model, x: Mapping[str, float]) -> Array:
         """The model's whitened rows (size,). x: {coordinate: value, SI units}."""
-        return self._of_model(self.plain_models(structure, [x])[0])
+        return self._of_model(self.plain_models(model, [x])[0])
 
-    def residual(self, structure: Structure, x: Mapping[str, float]) -> Array:
+    def residual(self, model: Model, x: Mapping[str, float]) -> Array:
         """Whitened rows (size,), measured minus model."""
-        return self.measured - self.model(structure, x)
+        return self.measured - self.model(model, x)
 
-    def plain_models(self, structure: Structure, xs: Sequence[Mapping[str, float]]) -> list[Array]:
+    def plain_models(self, model: Model, xs: Sequence[Mapping[str, float]]) -> list[Array]:
         """The model's whitened rows (size,) without the metric for each set of coordinates, on two threads.
 
         Sets that differ in the sensors only share one motion.
         """
         alike: dict[frozenset[tuple[str, float]], list[int]] = {}
         for k, x in enumerate(xs):
-            alike.setdefault(frozenset(motion_coordinates(structure, x).items()), []).append(k)
+            alike.setdefault(frozenset(motion_coordinates(model, x).items()), []).append(k)
         drives = [(run, which) for run in range(len(self.runs)) for which in alike.values()]
 
         def of(pair: Sequence[tuple[int, Sequence[int]]]) -> list[tuple[int, int, Array]]:
             if self.stop():
                 raise Stopped
-            moved = motions([(self.runs[run], xs[which[0]]) for run, which in pair], structure)
+            moved = motions([(self.runs[run], xs[which[0]]) for run, which in pair], model)
             return [
-                (k, run, self._rows_of(run, structure, xs[k], one))
+                (k, run, self._rows_of(run, model, xs[k], one))
                 for (run, which), one in zip(pair, moved, strict=True)
                 for k in which
             ]
@@ -151,11 +149,9 @@ class Problem:
                 out[k][run] = rows
         return [np.concatenate(rows) for rows in out]
 
-    def _rows_of(
-        self, run: int, structure: Structure, x: Mapping[str, float], moved: Mapping[str, Array]
-    ) -> Array:
+    def _rows_of(self, run: int, model: Model, x: Mapping[str, float], moved: Mapping[str, Array]) -> Array:
         """The whitened rows of one run, whose motion is known."""
-        log = logged(self.runs[run], structure, x, self.sensors[run], moved)
+        log = logged(self.runs[run], model, x, moved)
         return whitened_run([row for row in self.rows if row.run == run], self.runs[run], log)
 
     def of(self, rows: Array) -> Array:
@@ -166,9 +162,9 @@ class Problem:
         """Many small rows (size, k) in the metric, to seven digits."""
         return self.metric.of_small(rows) if self.metric else rows
 
-    def models(self, structure: Structure, xs: Sequence[Mapping[str, float]]) -> list[Array]:
+    def models(self, model: Model, xs: Sequence[Mapping[str, float]]) -> list[Array]:
         """The model's rows for several sets of coordinates; the metric is applied to all at once."""
-        found = self.plain_models(structure, xs)
+        found = self.plain_models(model, xs)
         if len(found) < 2 or self.metric is None:
             return [self._of_model(rows) for rows in found]
         return list(self._of_model(np.column_stack(found)).T)
@@ -190,13 +186,13 @@ class Problem:
         """The same problem without tolerances."""
         return replace(self, measured=self.plain_measured, metric=None)
 
-    def steadied(self, structure: Structure, x: Mapping[str, float]) -> Problem:
+    def steadied(self, model: Model, x: Mapping[str, float]) -> Problem:
         """The problem of the same residual at x whose runs are `Experiment.steadied`.
 
         What the steadied speed changes in the model at x is taken from the measured rows.
         """
         other = replace(self, runs=tuple(run.steadied(x.get("speed_share", 1.0)) for run in self.runs))
-        changed = self.plain_models(structure, [x])[0] - other.plain_models(structure, [x])[0]
+        changed = self.plain_models(model, [x])[0] - other.plain_models(model, [x])[0]
         measured = self.plain_measured - changed
         return replace(other, plain_measured=measured, measured=self.of(measured))
 
@@ -224,9 +220,8 @@ def with_floor(runs: Sequence[Experiment], floor: Floor) -> Problem:
             rows.append(found)
             start += found.size
     data = [centred(run) for run in runs]
-    sensors = tuple(Sensors.of(run) for run in runs)
     measured = whitened(tuple(rows), runs, data)
-    return Problem(tuple(runs), sensors, floor, tuple(rows), measured, measured)
+    return Problem(tuple(runs), floor, tuple(rows), measured, measured)
 
 
 def centred(run: Experiment) -> dict[str, Array]:
@@ -234,9 +229,9 @@ def centred(run: Experiment) -> dict[str, Array]:
     return {c: x - (run.at_rest.get(c, 0.0) if c in ("r", "p") else 0.0) for c, x in run.measured.items()}
 
 
-def signals_left(run: Experiment, structure: Structure, x: Mapping[str, float]) -> dict[str, Array]:
+def signals_left(run: Experiment, model: Model, x: Mapping[str, float]) -> dict[str, Array]:
     """What a model leaves of the measurements {channel: (n,)}, SI units."""
-    log = logged(run, structure, x, Sensors.of(run))
+    log = logged(run, model, x)
     return {c: y - log[c] for c, y in centred(run).items()}
 
 

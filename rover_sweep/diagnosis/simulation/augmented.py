@@ -15,7 +15,6 @@ from rover_sweep.data.recording import AT_LOOP, LowPass, Recording
 if TYPE_CHECKING:
     from rover_sweep.diagnosis.effects import Effect
     from rover_sweep.diagnosis.simulation.candidates import Model
-    from rover_sweep.diagnosis.simulation.structure import Structure
     from rover_sweep.diagnosis.simulation.table_law import TableLaw
 
 DERIVATIVES = tuple(f"{row}_{c}" for row in "YLN" for c in ("v", "p", "r", "phi", "delta"))
@@ -61,14 +60,14 @@ class AugmentedModel:
         return self.baseline == "lumped"
 
     @property
-    def structure(self) -> Structure:
-        """The structure for the simulation."""
+    def simulated(self) -> Model:
+        """The model for the simulation."""
         from rover_sweep.data.geometry import Tolerances
         from rover_sweep.diagnosis.simulation.candidates import Model
         from rover_sweep.diagnosis.simulation.table_law import with_laws
 
         own = self.baseline, self.rover, Tolerances(), self.effects, self.happened_in
-        return with_laws(Model(*own, happened_order=self.happened_order).structure, self.laws)
+        return with_laws(Model(*own, happened_order=self.happened_order), self.laws)
 
     @property
     def added(self) -> tuple[Effect, ...]:
@@ -95,11 +94,11 @@ class AugmentedModel:
 
         from rover_sweep.diagnosis.simulation.simulator import vehicle_numbers
 
-        numbers = vehicle_numbers(self.structure, self.x)._asdict()
+        numbers = vehicle_numbers(self.simulated, self.x)._asdict()
         found = {name: float(value) for name, value in numbers.items()}
         found["imu_x"] = self.rover.imu_x + self.x.get("imu_x", 0.0)
         found["imu_z"] = self.rover.imu_z + self.x.get("imu_z", 0.0)
-        if not self.structure.slip:
+        if not self.simulated.slip:
             found["L_eff"] = exp(self.x["ln_L_eff"]) if "ln_L_eff" in self.x else self.rover.wheelbase
         return found
 

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from math import exp, log, pi
+from typing import TypeVar
 
 import numpy as np
 from numba import njit
@@ -14,7 +16,6 @@ from rover_sweep.data.recording import Array
 from rover_sweep.diagnosis.effects import Effect, form_named, forms_of, library
 from rover_sweep.diagnosis.effects.effect import DegreeOfFreedom, SpeedEffect
 from rover_sweep.diagnosis.simulation.experiment import Experiment
-from rover_sweep.diagnosis.simulation.structure import Structure
 from rover_sweep.identification.models import lumped as identified
 from rover_sweep.identification.models import roll_yaw
 
@@ -224,17 +225,18 @@ def _states(steer, speed, push, q, dt):  # type: ignore[no-untyped-def]
 
 
 SAME_SPEED = 0.12  # relative
+Kind = TypeVar("Kind", bound=Effect)
 DEGREES_OF_FREEDOM = frozenset(e.id for e in library().values() if isinstance(e, DegreeOfFreedom))
 
 
 @dataclass(frozen=True)
 class Model:
-    """A baseline with effects: the structure to simulate and the coordinates to fit.
+    """A baseline with effects, to be simulated and fitted.
 
     baseline: "kinematic", "bicycle", "roll-yaw" or "lumped". spread: normal tolerances of a rover. effects:
     names of laws. happened_in: name of the run with a surface change, happened_order: its place in
     time. two_clocks: steering and motion have two clocks. given: ids of effects that belong to the
-    baseline: an inference does not ask about them.
+    baseline: an inference does not ask about them. unnamed: laws without a name, simulated in addition.
     """
 
     baseline: str
@@ -245,6 +247,7 @@ class Model:
     two_clocks: bool = False
     happened_order: int = 0
     given: frozenset[str] = frozenset()
+    unnamed: tuple[Effect, ...] = ()
 
     @property
     def slip(self) -> bool:
@@ -263,24 +266,33 @@ class Model:
         """True if derivatives replace tyres and springs."""
         return self.baseline == "lumped"
 
-    @property
-    def structure(self) -> Structure:
-        """The structure that is simulated."""
-        found = tuple(form_named(e) for e in self.effects if e not in DEGREES_OF_FREEDOM)
-        # the V_y of the derivatives is the measured one, at the IMU
-        rover = replace(self.rover, imu_x=0.0, imu_z=0.0) if self.lumped else self.rover
-        return Structure(
-            rover, self.slip, self.roll, found, self.happened_in, self.lumped, self.happened_order
-        )
+    @cached_property
+    def acting(self) -> tuple[Effect, ...]:
+        """The laws that the simulation adds to the baseline, those without a name last."""
+        found = (form_named(e) for e in self.effects if e not in DEGREES_OF_FREEDOM)
+        return (*found, *self.unnamed)
 
-    @property
+    def of(self, kind: type[Kind]) -> tuple[Kind, ...]:
+        """The acting laws of a kind."""
+        return tuple(e for e in self.acting if isinstance(e, kind))
+
+    @cached_property
     def free(self) -> tuple[Coordinate, ...]:
         """The fitted coordinates: nominal ones (without prior if an effect releases them) and added ones.
 
         A coordinate that an effect releases to one value only is held there.
         """
-        nominal = self._nominal()
-        released = {k: v for e in self.effects for k, v in self._released(form_named(e)).items()}
+        parts = (False, False) if self.lumped else (self.slip, self.roll)
+        nominal = coordinates(self.baseline, self.rover, self.spread, *parts)
+        if self.lumped:  # Y_delta, L_delta and N_delta include the scale of the steering
+            steering = (c for c in nominal if c.name != "scale")
+            nominal = (*steering, *derivatives(self.rover, self.roll))
+        released: dict[str, tuple[float, float]] = {}
+        for law in map(form_named, self.effects):
+            released |= law.releases
+            if law.id == "clock_offset" and not self.two_clocks:
+                # with one clock only a response before the command is an offset
+                released["delay"] = law.releases["delay"][0], self.spread.delay
         out = []
         for c in nominal:
             if c.name in released:
@@ -295,19 +307,6 @@ class Model:
     def start(self) -> dict[str, float]:
         """{coordinate: value} to begin a fit from."""
         return {c.name: c.start for c in self.free}
-
-    def _nominal(self) -> tuple[Coordinate, ...]:
-        if not self.lumped:
-            return coordinates(self.baseline, self.rover, self.spread, self.slip, self.roll)
-        common = coordinates(self.baseline, self.rover, self.spread, False, False)
-        steering = tuple(c for c in common if c.name != "scale")  # Y_delta, L_delta and N_delta include it
-        return (*steering, *derivatives(self.rover, self.roll))
-
-    def _released(self, effect: Effect) -> Mapping[str, tuple[float, float]]:
-        """Bounds that an effect releases. With one clock only a response before the command is an offset."""
-        if effect.id == "clock_offset" and not self.two_clocks:
-            return {"delay": (effect.releases["delay"][0], self.spread.delay)}
-        return effect.releases
 
     def law(self, name: str) -> Effect:
         """A law by its name, with the sizes that it has on this rover."""

@@ -141,7 +141,10 @@ def _may_be_error(changes: Array) -> Array:
 def experiment(run: Recording) -> Experiment:
     """The run with up to 1.5 s before and after its manoeuvre, while the rover was driving."""
     start, end = _driven(run)
-    grid = start + np.arange(_fast(int((end - start) * RATE) + 1)) / RATE
+    n = int((end - start) * RATE) + 1
+    while n > 16 and next_fast_len(n, real=True) != n:  # for a fast Fourier transform
+        n -= 1
+    grid = start + np.arange(n) / RATE
     measured = {c: on_grid(run[c], grid) for c in CHANNELS if c in run}
     speed = smoothed(run["speed"].on(grid))
     heading = np.unwrap(run["psi"].on(grid)) if "psi" in run else np.zeros(grid.size)
@@ -178,13 +181,6 @@ def in_order(runs: Sequence[Experiment]) -> list[Experiment]:
     lengths = [float(r.t[-1]) for r in ordered]
     place = {id(r): (k, sum(lengths[:k])) for k, r in enumerate(ordered)}
     return [replace(r, order=place[id(r)][0], driven=place[id(r)][1]) for r in runs]
-
-
-def _fast(n: int) -> int:
-    """The largest length up to n with a fast Fourier transform."""
-    while n > 16 and next_fast_len(n, real=True) != n:
-        n -= 1
-    return n
 
 
 def _clock(run: Recording, channel: str) -> str:

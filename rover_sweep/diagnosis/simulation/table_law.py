@@ -19,15 +19,15 @@ from rover_sweep.data.recording import Array
 from rover_sweep.diagnosis.effects.effect import (
     Effect,
     EffectParameter,
-    LinkageEffect,
     SensorEffect,
     StateForceEffect,
+    SteeringEffect,
     Values,
 )
 from rover_sweep.diagnosis.effects.steering import play
+from rover_sweep.diagnosis.simulation.candidates import Model
 from rover_sweep.diagnosis.simulation.experiment import RATE
 from rover_sweep.diagnosis.simulation.single_track import LAG, NO_LAW, RESONATOR, TABLE, LawNumbers
-from rover_sweep.diagnosis.simulation.structure import Structure
 
 SMOOTH = 0.02  # s, first-order lag before a derivative of the steering angle
 STATES = ("a_y", "r", "p", "phi", "beta")  # quantities that the simulation finds; the others are given
@@ -222,7 +222,7 @@ def law_effect(law: TableLaw, rover: Geometry, name: str = "law", root: Array | 
 
     if law.place == "steering":
         act: Callable[..., Any] = partial(_steer, at)
-        return LinkageEffect(**_common(law, name, names), act=act)
+        return SteeringEffect(**_common(law, name, names), act=act)
     if law.place.startswith("sensor of "):
         return SensorEffect(**_common(law, name, names), act=partial(_sense, at, law.place.split()[-1]))
     return StateForceEffect(**_common(law, name, names), law=at, push=force_at(law.place, rover))
@@ -239,10 +239,10 @@ def force_at(place: str, rover: Geometry) -> tuple[float, float, float]:
     }[place]
 
 
-def with_laws(structure: Structure, laws: Sequence[TableLaw]) -> Structure:
-    """The structure with laws."""
-    effects = tuple(law_effect(law, structure.rover, f"law{k + 1}") for k, law in enumerate(laws))
-    return replace(structure, effects=(*structure.effects, *effects)) if laws else structure
+def with_laws(model: Model, laws: Sequence[TableLaw]) -> Model:
+    """The model with laws."""
+    effects = tuple(law_effect(law, model.rover, f"law{k + 1}") for k, law in enumerate(laws))
+    return replace(model, unnamed=(*model.unnamed, *effects)) if laws else model
 
 
 def law_numbers(effects: Sequence[StateForceEffect], base: Mapping[str, Array], x: Values) -> LawNumbers:

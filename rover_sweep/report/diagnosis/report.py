@@ -10,7 +10,8 @@ from typing import Any
 
 from rover_sweep.data.recording import grouped_warnings
 from rover_sweep.data.results import number
-from rover_sweep.diagnosis.plans.planner import NAMES, Plan, PlannedRun, SimilarPair
+from rover_sweep.diagnosis.plans.expected_posterior import SimilarPair
+from rover_sweep.diagnosis.plans.planner import NAMES, Plan, PlannedRun
 from rover_sweep.diagnosis.result import Diagnosis, Finding, LawCurve, Unknown
 from rover_sweep.diagnosis.verdict import importance_words
 from rover_sweep.files.replaced import remove_file, write_file

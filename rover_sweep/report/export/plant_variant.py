@@ -154,13 +154,13 @@ def not_in_the_plant(model: AugmentedModel) -> list[str]:
         )
     if x("lag_shape") > 0.01 and x("lag") > 1e-3 and "servo_lag/second order" not in model.effects:
         out.append("the servo is of second order; this rover's servo is of first order with the same lag")
-    if not model.structure.slip:
+    if not model.simulated.slip:
         out.append(
             "the model has no tyre slip: this rover has stiff tyres, and a + b is the effective wheelbase"
         )
-    if not model.structure.roll:
+    if not model.simulated.roll:
         out.append("the model does not roll: the centre of the sprung mass is on the roll axis")
-    if model.structure.slip and "tyre_saturation" not in {e.id for e in model.added}:
+    if model.simulated.slip and "tyre_saturation" not in {e.id for e in model.added}:
         out.append("the tyres do not saturate, as in the model: set friction before driving to the limit")
     out += laws_not_in_the_plant(model) + forms_not_in_the_plant(model)
     if "clock_offset" in model.effects:
@@ -172,14 +172,14 @@ def not_in_the_plant(model: AugmentedModel) -> list[str]:
 
 def _numbers(model: AugmentedModel) -> dict[str, Value]:
     n, x = model.numbers, model.value
-    rover, roll = model.rover, model.structure.roll
+    rover, roll = model.rover, model.simulated.roll
     h = n["h"] if roll else 0.0
     out: dict[str, Value] = {
         "mass": n["m"],
         "sprung_mass": n["ms"] or n["m"],
         **_axles(model, n),
         "cg_height_above_roll_centre": h,
-        "yaw_inertia": n["Izz"] if model.structure.slip else rover.yaw_inertia or n["m"] * n["a"] * n["b"],
+        "yaw_inertia": n["Izz"] if model.simulated.slip else rover.yaw_inertia or n["m"] * n["a"] * n["b"],
         "roll_yaw_inertia": n["Ixz"] if roll else 0.0,
         "friction": _friction(model),
         "servo_lag": x("lag"),
@@ -203,7 +203,7 @@ def _numbers(model: AugmentedModel) -> dict[str, Value]:
 def _axles(model: AugmentedModel, n: Mapping[str, float]) -> dict[str, Value]:
     """Positions and stiffness of the axles; for a model without slip, stiff and neutral-steering ones."""
     a, b, front, rear = n["a"], n["b"], n["Cf"], n["Cr"]
-    if not model.structure.slip:
+    if not model.simulated.slip:
         share = n["L_eff"] / (a + b)
         a, b = a * share, b * share
         weight = STIFF * n["m"] * n["g"] / (a + b)
