@@ -2,18 +2,49 @@
 
 import os
 from pathlib import Path
+from typing import Any
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before numpy: two workers share the cores
 
 import pytest
 
 DATA = Path(__file__).parent / "data"
+SHARING = ("tests/gains", "tests/report", "tests/study")  # folders whose conftest.py identifies or drives
+LONG = (  # a minute of one core or more
+    "tests/tui/test_tui_on_rover",
+    "tests/virtual/test_virtual_matrix",
+    "tests/diagnosis/test_plan_of_runs",
+    "tests/comparison",
+    "tests/engines",
+    "tests/house",
+    "tests/acceptance",
+)
 
 
 @pytest.hookimpl(optionalhook=True)  # pytest without xdist does not know it
 def pytest_xdist_auto_num_workers(config: pytest.Config) -> int:
     """A third of the tests waits for a simulated rover's time: half as many workers again as cores."""
     return -(-3 * (os.cpu_count() or 2) // 2)
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
+    """A file's tests run in one process, so that what they share is made once; in SHARING a folder's."""
+    from xdist.scheduler import LoadScopeScheduling
+
+    class Scheduling(LoadScopeScheduling):
+        def _split_scope(self, nodeid: str) -> str:
+            file = nodeid.partition("::")[0]
+            folder = file.rpartition("/")[0]
+            return folder if folder in SHARING else file
+
+    config.option.loadscopereorder = False
+    return Scheduling(config, log)
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """The long ones first: none of them is to run alone at the end."""
+    items.sort(key=lambda item: not item.nodeid.startswith(LONG))
 
 
 @pytest.fixture(scope="session")

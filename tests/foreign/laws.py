@@ -7,6 +7,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from math import exp
+from typing import Any
 
 from numpy.random import Generator
 
@@ -72,6 +73,18 @@ def share_of_base(rover: Rover, size: float) -> float:
     return size * (rover.numbers.a + rover.numbers.b)
 
 
+def numbers(name: str, signed: bool = False, **others: float) -> Applied:
+    """The size (with a drawn sign) as a number of the rover, others as they are."""
+    return lambda rover, size, extras: rover.of(**{name: extras["sign"] * size if signed else size, **others})
+
+
+def instruments(name: str, about: float = 0.0, signed: bool = False, **others: Any) -> Applied:
+    """The size (with a drawn sign) as a number of the instruments, from `about`; others as they are."""
+    return lambda rover, size, extras: rover.sensing(
+        **{name: about + (extras["sign"] * size if signed else size), **others}
+    )
+
+
 # ---- Laws of the list between the command and the road wheel.
 
 
@@ -86,26 +99,6 @@ def _by_amplitude(name: str, form: float) -> Applied:
         return rover.of(**{name: size * rover.amplitude, f"{name}_form": form})
 
     return apply
-
-
-def _steering() -> list[Law]:
-    found = []
-    for name, form, own, effect in (
-        ("deadband", "dead zone", True, "steering_deadband"),
-        ("deadband", "jump at its edge", False, "steering_deadband"),
-        ("deadband", "soft", False, "steering_deadband"),
-        ("stiction", "held target", True, "steering_stiction"),
-        ("stiction", "drives until arrived", False, "steering_stiction"),
-        ("stiction", "drives above an error", False, "steering_stiction"),
-        ("play", "play", True, "steering_backlash"),
-        ("play", "play with spring", False, "steering_backlash"),
-        ("play", "Bouc-Wen", False, "steering_backlash"),
-        ("play", "Dahl", False, "steering_backlash"),
-    ):
-        number = sum(law.effect == effect for law in found)
-        apply = _by_amplitude(name, float(number))
-        found.append(Law(effect, form, "linkage", 0.03, 0.3, apply, "rad", _angle, own=own))
-    return found
 
 
 def _curve(form: float) -> Applied:
@@ -141,54 +134,8 @@ def _per_newton(rover: Rover, size: float) -> float:
     return size * rover.amplitude / (n.m * peak_ay(rover) * n.b / (n.a + n.b))
 
 
-def _shaped() -> list[Law]:
-    laws = [
-        Law(
-            "steering_nonlinearity",
-            form,
-            "shape",
-            0.06,
-            high,
-            _curve(float(k)),
-            "1/rad^2",
-            _cubic_value,
-            own=k == 0,
-        )
-        for k, (form, high) in enumerate((("cubic", 0.6), ("crank", 0.25), ("exponent", 0.6), ("tanh", 0.6)))
-    ]
-    laws += [
-        Law("steering_asymmetry", form, "shape", 0.05, 0.4, _asymmetry(float(k)), extras=a_sign, own=k == 0)
-        for k, form in enumerate(("two gains", "quadratic"))
-    ]
-    laws += [
-        Law(
-            "steering_compliance",
-            form,
-            "compliance",
-            0.08,
-            0.6,
-            _compliance(float(k)),
-            "rad/N",
-            _per_newton,
-            own=k == 0,
-        )
-        for k, form in enumerate(("side force", "aligning moment"))
-    ]
-    laws.append(
-        Law(
-            "steering_trim",
-            "constant",
-            "trim",
-            0.02,
-            0.09,
-            lambda r, s, e: r.of(trim=e["sign"] * s),
-            "rad",
-            extras=a_sign,
-            own=True,
-            absolute=True,
-        )
-    )
-    return laws
+def _first_order(rover: Rover, size: float, _extras: Extras) -> Rover:
+    return rover.of(gain=1 / size)
 
 
 def _second_order(rover: Rover, size: float, _extras: Extras) -> Rover:
@@ -216,21 +163,39 @@ def _framed(rover: Rover, size: float, _extras: Extras) -> Rover:
     return replace(rover, delay=size - frame / 2).amid(hold=frame)
 
 
-def _servo() -> list[Law]:
-    def first(rover: Rover, size: float, _extras: Extras) -> Rover:
-        return rover.of(gain=1 / size)
-
-    return [
-        Law("servo_lag", "first order", "servo", 0.09, 0.17, first, "s", own=True, absolute=True),
-        Law("servo_lag", "second order", "servo", 0.09, 0.14, _second_order, "s", absolute=True),
-        Law("transport_delay", "delay", "servo", 0.09, 0.15, _late, "s", own=True, absolute=True),
-        Law("transport_delay", "delay and frame", "servo", 0.09, 0.15, _framed, "s", absolute=True),
-        Law("servo_rate_limit", "limit", "servo", 1.05, 4.0, _rate(0.0), "rad/s", _slowest, own=True),
-        Law("servo_rate_limit", "weak motor", "servo", 1.05, 4.0, _rate(1.0), "rad/s", _slowest),
-    ]
-
-
-STEERING: tuple[Law, ...] = (*_steering(), *_shaped(), *_servo())
+_LOSSES = (  # field and its forms; the first is that of the list's equation
+    ("steering_deadband", "deadband", ("dead zone", "jump at its edge", "soft")),
+    ("steering_stiction", "stiction", ("held target", "drives until arrived", "drives above an error")),
+    ("steering_backlash", "play", ("play", "play with spring", "Bouc-Wen", "Dahl")),
+)
+_CURVES = (("cubic", 0.6), ("crank", 0.25), ("exponent", 0.6), ("tanh", 0.6))
+STEERING: tuple[Law, ...] = (
+    *(
+        Law(effect, form, "linkage", 0.03, 0.3, _by_amplitude(name, float(k)), "rad", _angle, own=k == 0)
+        for effect, name, forms in _LOSSES
+        for k, form in enumerate(forms)
+    ),
+    *(
+        Law("steering_nonlinearity", form, "shape", 0.06, high, _curve(float(k)), "1/rad^2", _cubic_value,
+            own=k == 0)
+        for k, (form, high) in enumerate(_CURVES)
+    ),
+    Law("steering_asymmetry", "two gains", "shape", 0.05, 0.4, _asymmetry(0.0), extras=a_sign, own=True),
+    Law("steering_asymmetry", "quadratic", "shape", 0.05, 0.4, _asymmetry(1.0), extras=a_sign),
+    Law("steering_compliance", "side force", "compliance", 0.08, 0.6, _compliance(0.0), "rad/N", _per_newton,
+        own=True),
+    Law("steering_compliance", "aligning moment", "compliance", 0.08, 0.6, _compliance(1.0), "rad/N",
+        _per_newton),
+    Law("steering_trim", "constant", "trim", 0.02, 0.09, numbers("trim", True), "rad", extras=a_sign,
+        own=True,
+        absolute=True),
+    Law("servo_lag", "first order", "servo", 0.09, 0.17, _first_order, "s", own=True, absolute=True),
+    Law("servo_lag", "second order", "servo", 0.09, 0.14, _second_order, "s", absolute=True),
+    Law("transport_delay", "delay", "servo", 0.09, 0.15, _late, "s", own=True, absolute=True),
+    Law("transport_delay", "delay and frame", "servo", 0.09, 0.15, _framed, "s", absolute=True),
+    Law("servo_rate_limit", "limit", "servo", 1.05, 4.0, _rate(0.0), "rad/s", _slowest, own=True),
+    Law("servo_rate_limit", "weak motor", "servo", 1.05, 4.0, _rate(1.0), "rad/s", _slowest),
+)  # fmt: skip
 
 
 # ---- Laws of the list in tyres, body, suspension and on the ground.
@@ -245,13 +210,6 @@ def _tyre(form: int) -> Applied:
 
 def _friction(rover: Rover, size: float) -> float:
     return peak_ay(rover) / GRAVITY / size
-
-
-def _load(form: int) -> Applied:
-    def apply(rover: Rover, size: float, _extras: Extras) -> Rover:
-        return rover.of(load_form=form, load_k=size)
-
-    return apply
 
 
 def _ratio(rover: Rover, size: float, _extras: Extras) -> Rover:
@@ -270,22 +228,6 @@ def _relaxing(form: float) -> Applied:
         return rover.of(sigma=share_of_base(rover, size), sigma_form=form)
 
     return apply
-
-
-def _tyres() -> list[Law]:
-    names = ("Fiala", "Magic Formula", "tanh", "Dugoff", "arctangent", "exponential")
-    laws = [
-        Law("tyre_saturation", name, "tyre", 0.3, 1.1, _tyre(k + 1), "-", _friction, own=name == "tanh")
-        for k, name in enumerate(names)
-    ]
-    laws += [
-        Law("load_transfer", "parabola", "tyre", 0.3, 4.0, _load(1), own=True),
-        Law("load_transfer", "sin 2 atan", "tyre", 0.5, 3.0, _load(3)),
-        Law("front_rear_stiffness", "ratio", "axles", 0.22, 0.5, _ratio, value=_front_over_rear, own=True),
-        Law("tyre_relaxation", "both axles", "tyre", 0.2, 1.5, _relaxing(0.0), "m", share_of_base, own=True),
-        Law("tyre_relaxation", "front axle", "tyre", 0.3, 2.0, _relaxing(2.0), "m", share_of_base),
-    ]
-    return laws
 
 
 def _heading(rng: Generator) -> dict[str, float]:
@@ -329,41 +271,6 @@ def _damping(rover: Rover, size: float) -> float:
     return size * turning_stiffness(rover) / rover.speed
 
 
-def _body() -> list[Law]:
-    laws = [
-        Law("suspension_friction", form, "roll", 0.05, 0.7, _dry(k), "N m", _moment, own=k == 0)
-        for k, form in enumerate(("tanh", "Stribeck", "soft"))
-    ]
-    return [
-        *laws,
-        Law(
-            "roll_steer",
-            "front axle",
-            "roll",
-            0.15,
-            1.0,
-            lambda r, s, e: r.of(roll_steer_front=e["sign"] * s),
-            "rad/rad",
-            extras=a_sign,
-            own=True,
-        ),
-        Law(
-            "roll_steer",
-            "rear axle",
-            "roll",
-            0.15,
-            1.0,
-            lambda r, s, e: r.of(roll_steer_rear=e["sign"] * s),
-            "rad/rad",
-            extras=a_sign,
-        ),
-        Law("yaw_damping", "moment", "yaw", 0.1, 1.2, _damped, "N m s/rad", _damping, own=True),
-        Law("yaw_damping", "locked wheels", "yaw", 0.1, 1.2, _locked, "N m s/rad", _damping),
-        Law("cross_slope", "plane", "ground", 0.025, 0.13, _slope, "rad", extras=_heading, own=True),
-        Law("side_wind", "force by heading", "ground", 0.25, 1.5, _wind, "m/s^2", extras=_blowing, own=True),
-    ]
-
-
 def _instant(rng: Generator) -> dict[str, float]:
     return {"run": float(rng.choice([1.0, 2.0, 3.0])), "at": float(rng.uniform(12.0, 45.0))}
 
@@ -384,25 +291,41 @@ def _kept(_rover: Rover, size: float) -> float:
     return 1 - size
 
 
-def _surfaces() -> list[Law]:
-    rows = (
-        ("instant", _instant),
-        ("ramp", _instant),
-        ("later runs", _later),
-        ("one run", _later),
-        ("drift", None),
-    )
-    return [
-        Law("surface_change", form, "ground", 0.12, 0.45, _surface(form), "-", _kept, own=form == "instant")
-        if draw is None
-        else Law(
-            "surface_change", form, "ground", 0.12, 0.45, _surface(form), "-", _kept, draw, form == "instant"
-        )
-        for form, draw in rows
-    ]
-
-
-VEHICLE: tuple[Law, ...] = (*_tyres(), *_body(), *_surfaces())
+_SATURATING = ("Fiala", "Magic Formula", "tanh", "Dugoff", "arctangent", "exponential")
+_CHANGES = (
+    ("instant", _instant),
+    ("ramp", _instant),
+    ("later runs", _later),
+    ("one run", _later),
+    ("drift", no_extras),
+)
+VEHICLE: tuple[Law, ...] = (
+    *(
+        Law("tyre_saturation", name, "tyre", 0.3, 1.1, _tyre(k + 1), "-", _friction, own=name == "tanh")
+        for k, name in enumerate(_SATURATING)
+    ),
+    Law("load_transfer", "parabola", "tyre", 0.3, 4.0, numbers("load_k", load_form=1), own=True),
+    Law("load_transfer", "sin 2 atan", "tyre", 0.5, 3.0, numbers("load_k", load_form=3)),
+    Law("front_rear_stiffness", "ratio", "axles", 0.22, 0.5, _ratio, value=_front_over_rear, own=True),
+    Law("tyre_relaxation", "both axles", "tyre", 0.2, 1.5, _relaxing(0.0), "m", share_of_base, own=True),
+    Law("tyre_relaxation", "front axle", "tyre", 0.3, 2.0, _relaxing(2.0), "m", share_of_base),
+    *(
+        Law("suspension_friction", form, "roll", 0.05, 0.7, _dry(k), "N m", _moment, own=k == 0)
+        for k, form in enumerate(("tanh", "Stribeck", "soft"))
+    ),
+    Law("roll_steer", "front axle", "roll", 0.15, 1.0, numbers("roll_steer_front", True), "rad/rad",
+        extras=a_sign, own=True),
+    Law("roll_steer", "rear axle", "roll", 0.15, 1.0, numbers("roll_steer_rear", True), "rad/rad",
+        extras=a_sign),
+    Law("yaw_damping", "moment", "yaw", 0.1, 1.2, _damped, "N m s/rad", _damping, own=True),
+    Law("yaw_damping", "locked wheels", "yaw", 0.1, 1.2, _locked, "N m s/rad", _damping),
+    Law("cross_slope", "plane", "ground", 0.025, 0.13, _slope, "rad", extras=_heading, own=True),
+    Law("side_wind", "force by heading", "ground", 0.25, 1.5, _wind, "m/s^2", extras=_blowing, own=True),
+    *(
+        Law("surface_change", form, "ground", 0.12, 0.45, _surface(form), "-", _kept, draw, form == "instant")
+        for form, draw in _CHANGES
+    ),
+)  # fmt: skip
 
 
 # ---- Laws of the list in the instruments.
@@ -425,84 +348,22 @@ def _up(rover: Rover, size: float, extras: Extras) -> Rover:
     return rover.sensing(imu_z=rover.instruments.imu_z + extras["sign"] * share_of_base(rover, size))
 
 
-def _sensors() -> list[Law]:
-    laws = [
-        Law("imu_tilt", axis, "imu", 0.06, 0.2, _tilt(k), "rad", extras=a_sign, own=True, absolute=k == 0)
-        for k, axis in enumerate(("roll", "pitch"))
-    ]
-    laws += [
-        Law(
-            "sensor_filter",
-            f"gyros {form}",
-            "imu",
-            0.02,
-            0.12,
-            _gyro_lag(form),
-            "s",
-            own=form == "second order",
-        )
+SENSORS: tuple[Law, ...] = (
+    Law("imu_tilt", "roll", "imu", 0.06, 0.2, _tilt(0), "rad", extras=a_sign, own=True, absolute=True),
+    Law("imu_tilt", "pitch", "imu", 0.06, 0.2, _tilt(1), "rad", extras=a_sign, own=True),
+    *(
+        Law("sensor_filter", f"gyros {form}", "imu", 0.02, 0.12, instruments("gyro_lag", gyro_form=form), "s",
+            own=form == "second order")
         for form in ("second order", "first order", "delay")
-    ]
-    return [
-        *laws,
-        Law(
-            "sensor_filter",
-            "accelerometer first order",
-            "imu",
-            0.02,
-            0.12,
-            lambda r, s, e: r.sensing(accel_lag=s),
-            "s",
-        ),
-        Law(
-            "sensor_scale",
-            "gyros",
-            "imu",
-            0.06,
-            0.35,
-            lambda r, s, e: r.sensing(gyro_scale=1 + e["sign"] * s),
-            extras=a_sign,
-            own=True,
-        ),
-        Law(
-            "sensor_scale",
-            "accelerometer",
-            "imu",
-            0.06,
-            0.35,
-            lambda r, s, e: r.sensing(accel_scale=1 + e["sign"] * s),
-            extras=a_sign,
-        ),
-        Law("imu_offset", "forward", "imu", 0.06, 0.5, _forward, "m", share_of_base, extras=a_sign, own=True),
-        Law("imu_offset", "up", "imu", 0.06, 0.4, _up, "m", share_of_base, extras=a_sign, own=True),
-        Law(
-            "velocity_lag",
-            "first order",
-            "ekf",
-            0.03,
-            0.3,
-            lambda r, s, e: r.sensing(velocity_lag=s),
-            "s",
-            own=True,
-        ),
-        Law(
-            "velocity_lag",
-            "delay",
-            "ekf",
-            0.03,
-            0.3,
-            lambda r, s, e: r.sensing(velocity_lag=s, velocity_form="delay"),
-            "s",
-        ),
-    ]
-
-
-def _gyro_lag(form: str) -> Applied:
-    def apply(rover: Rover, size: float, _extras: Extras) -> Rover:
-        return rover.sensing(gyro_lag=size, gyro_form=form)
-
-    return apply
-
-
-SENSORS: tuple[Law, ...] = tuple(_sensors())
+    ),
+    Law("sensor_filter", "accelerometer first order", "imu", 0.02, 0.12, instruments("accel_lag"), "s"),
+    Law("sensor_scale", "gyros", "imu", 0.06, 0.35, instruments("gyro_scale", 1.0, True), extras=a_sign,
+        own=True),
+    Law("sensor_scale", "accelerometer", "imu", 0.06, 0.35, instruments("accel_scale", 1.0, True),
+        extras=a_sign),
+    Law("imu_offset", "forward", "imu", 0.06, 0.5, _forward, "m", share_of_base, extras=a_sign, own=True),
+    Law("imu_offset", "up", "imu", 0.06, 0.4, _up, "m", share_of_base, extras=a_sign, own=True),
+    Law("velocity_lag", "first order", "ekf", 0.03, 0.3, instruments("velocity_lag"), "s", own=True),
+    Law("velocity_lag", "delay", "ekf", 0.03, 0.3, instruments("velocity_lag", velocity_form="delay"), "s"),
+)  # fmt: skip
 LISTED: tuple[Law, ...] = (*STEERING, *VEHICLE, *SENSORS)

@@ -4,7 +4,17 @@ from __future__ import annotations
 
 from numpy.random import Generator
 
-from tests.foreign.laws import Applied, Extras, Law, a_sign, peak_ay, share_of_base, turning_stiffness
+from tests.foreign.laws import (
+    Applied,
+    Extras,
+    Law,
+    a_sign,
+    instruments,
+    numbers,
+    peak_ay,
+    share_of_base,
+    turning_stiffness,
+)
 from tests.foreign.plant import GRAVITY
 from tests.foreign.rover import Rover
 
@@ -27,6 +37,10 @@ def _mast(rover: Rover, size: float, extras: Extras) -> Rover:
 
 def _mode(rng: Generator) -> dict[str, float]:
     return {"w": float(rng.uniform(13.0, 24.0))}
+
+
+def _dragged(rover: Rover, size: float, _extras: Extras) -> Rover:
+    return rover.of(yaw_c2=_drag(rover, size))
 
 
 def _drag(rover: Rover, size: float) -> float:
@@ -53,6 +67,10 @@ def _slow_mode(rng: Generator) -> dict[str, float]:
 
 def _by_speed(rover: Rover, size: float, extras: Extras) -> Rover:
     return rover.of(speed_gain=extras["sign"] * size, speed_ref=rover.speed)
+
+
+def _dead_zone(rover: Rover, size: float, _extras: Extras) -> Rover:
+    return rover.of(tyre_dead_zone=_dead_slip(rover, size))
 
 
 def _dead_slip(rover: Rover, size: float) -> float:
@@ -151,71 +169,23 @@ OUTSIDE_LAWS: tuple[Law, ...] = (
     Law("outside:resonant_linkage", "second order", "linkage", 0.02, 0.045, _resonant, "s", extras=_ringing),
     Law("outside:cubic_hysteresis", "cubic and Bouc-Wen", "linkage", 0.1, 0.6, _cubic_hysteresis),
     Law("outside:flexing_mast", "resonant IMU", "imu", 0.0004, 0.03, _mast, "rad", extras=_mode),
-    Law(
-        "outside:yaw_drag",
-        "r abs(r)",
-        "yaw",
-        0.1,
-        2.0,
-        lambda r, s, e: r.of(yaw_c2=_drag(r, s)),
-        "N m s2",
-        _drag,
-    ),
-    Law(
-        "outside:tyre_left_right",
-        "sign of slip",
-        "tyre",
-        0.06,
-        0.6,
-        lambda r, s, e: r.of(tyre_left_right=e["sign"] * s),
-        extras=a_sign,
-    ),
+    Law("outside:yaw_drag", "r abs(r)", "yaw", 0.1, 2.0, _dragged, "N m s2", _drag),
+    Law("outside:tyre_left_right", "sign of slip", "tyre", 0.06, 0.6, numbers("tyre_left_right", True),
+        extras=a_sign),
     Law("outside:sliding_cargo", "CG jumps", "cargo", 0.03, 0.13, _shifted, "m", share_of_base, _instant),
     Law("outside:slosh", "load on a spring", "cargo", 0.05, 0.35, _slosh, extras=_slow_mode),
     Law("outside:speed_steering", "gain by speed", "shape", 0.15, 0.8, _by_speed, extras=a_sign),
-    Law(
-        "outside:tyre_dead_zone",
-        "no force at small slip",
-        "tyre",
-        0.06,
-        0.5,
-        lambda r, s, e: r.of(tyre_dead_zone=_dead_slip(r, s)),
-        "rad",
-        _dead_slip,
-    ),
+    Law("outside:tyre_dead_zone", "no force at small slip", "tyre", 0.06, 0.5, _dead_zone, "rad", _dead_slip),
     Law("outside:aliased_vibration", "wandering tone", "imu", 0.1, 2.5, _tone, "m/s^2", extras=_low_tone),
-    Law(
-        "outside:wheel_unbalance",
-        "sine at wheel speed",
-        "imu",
-        0.2,
-        4.0,
-        lambda r, s, e: r.sensing(unbalance=s),
-        "m/s^2",
-    ),
-    Law(
-        "outside:rear_linkage",
-        "rear wheels follow",
-        "axles",
-        0.1,
-        0.4,
-        lambda r, s, e: r.of(rear_share=e["sign"] * s),
-        extras=a_sign,
-    ),
+    Law("outside:wheel_unbalance", "sine at wheel speed", "imu", 0.2, 4.0, instruments("unbalance"), "m/s^2"),
+    Law("outside:rear_linkage", "rear wheels follow", "axles", 0.1, 0.4, numbers("rear_share", True),
+        extras=a_sign),
     Law("outside:pendulum", "hanging load", "cargo", 0.04, 0.35, _loose(1.0), extras=_swing),
     Law("outside:sliding_load", "dry friction and stops", "cargo", 0.04, 0.35, _loose(2.0)),
     Law("outside:toe_compliance", "slow bushings", "compliance", 0.1, 0.8, _toe, "rad/N", _per_newton, _lag),
-    Law(
-        "outside:slip_speed",
-        "force over sliding speed",
-        "tyre",
-        0.7,
-        1.0,
-        _sliding_speed,
-        extras=_third_run,
-        absolute=True,
-    ),
+    Law("outside:slip_speed", "force over sliding speed", "tyre", 0.7, 1.0, _sliding_speed,
+        extras=_third_run, absolute=True),
     Law("outside:bump_stops", "stiffer beyond an angle", "roll", 1.2, 3.0, _stops, "rad", touching, _rubber),
     Law("outside:wheel_lift", "load to zero", "tyre", 0.8, 2.0, _lifting, "m/s^2", lifting_ay, _axle),
     Law("outside:limping_motor", "yaw moment", "yaw", 0.01, 0.2, _limping, "N m", _limp, _period),
-)
+)  # fmt: skip
