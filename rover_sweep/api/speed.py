@@ -18,7 +18,9 @@ from rover_sweep.data.results import ByName, Quantity, ShortTable, Shown, ends_w
 from rover_sweep.errors import DataRefused, RoverSweepError, UsageError
 from rover_sweep.files.documents import read_json
 from rover_sweep.files.replaced import remove_file, write_file
+from rover_sweep.gains.corner import HALF_WIDTH, Corner, corners
 from rover_sweep.gains.gains_json import (
+    corners_document,
     gains_document,
     limits_document,
     limits_text,
@@ -277,13 +279,15 @@ _STEERED = ("identification.json", "diagnosis.json")
 class AllGains:
     """What a folder of results supports: of the steering, its limits, and of the speed; None without.
 
-    current: the vehicle's present parameters, as far as they are known.
+    current: the vehicle's present parameters, as far as they are known. corners: 90 degree corners of the
+    steering.
     """
 
     steering: Proposal | None
     limits: SteeringLimits | None
     speed: SpeedProposal | None
     current: Mapping[str, float]
+    corners: tuple[Corner, ...] = ()
 
     @property
     def text(self) -> str:
@@ -315,6 +319,7 @@ class AllGains:
         top = gains_document(self.steering) if self.steering else {}
         top = {"format": "rover-sweep gains", "format_version": 1} | top
         top |= {"limits": limits_document(self.limits)} if self.limits else {}
+        top |= {"corners": corners_document(self.corners)} if self.corners else {}
         return top | ({"speed_loop": speed_gains_document(self.speed)} if self.speed else {})
 
 
@@ -325,8 +330,12 @@ def all_gains(
     current: Mapping[str, float],
     current_from: str,
     speed: float | None,
+    half_width: float = HALF_WIDTH,
 ) -> AllGains:
-    """All that a file or folder of results supports; arguments and errors as of `steering_gains`."""
+    """All that a file or folder of results supports; arguments and errors as of `steering_gains`.
+
+    half_width [m]: of the corridor about the legs of a 90 degree corner.
+    """
     path = speed_file(place)
     loop = speed_gains(path, current, current_from) if path else None
     known = {**(loop.found.parameters if loop else {}), **current}
@@ -334,4 +343,5 @@ def all_gains(
     if alone or (path is not None and place == path):
         return AllGains(None, None, loop, known)
     steering = steering_gains(place, name, vehicle_file, current, current_from, speed)
-    return AllGains(steering, steering_limits(steering), loop, known)
+    limits = steering_limits(steering)
+    return AllGains(steering, limits, loop, known, corners(steering, limits, half_width))

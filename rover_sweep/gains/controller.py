@@ -11,6 +11,7 @@ not modelled.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -81,23 +82,27 @@ def simulate_loop(
     ff: Array,
     gains: Gains | None = None,
     disturbance: Array | None = None,
+    outer: Callable[[float], float] | None = None,
 ) -> SimulatedDrive:
     """Simulate the firmware's loop around a plant that starts straight ahead.
 
     wanted (m,): requested turn rate [rad/s] in each main loop. p, i, ff (n,): n controllers in parallel;
     gains: their shared values (filters, D, IMAX). disturbance (m,): added to the road-wheel angle [rad].
+    outer: an outer loop, which makes a request from the turn rate of a single controller; added to wanted.
     """
     shared, dt = gains or autopilot.gains, autopilot.period
     pid = RatePid(shared, dt, p, i, ff)
     scale = autopilot.speed_scale(plant.speed)
     held = np.full(p.shape, not autopilot.integrates(plant.speed))
-    targets = limited_target(autopilot, plant.speed, wanted)
+    targets, now = np.empty_like(wanted), 0.0
     pushed = np.zeros_like(wanted) if disturbance is None else disturbance
     x, limit = np.zeros((len(plant.a), p.size)), np.zeros(p.shape, dtype=bool)
     rate, steering = np.empty((wanted.size, p.size)), np.empty((wanted.size, p.size))
-    for k, target in enumerate(targets):
+    for k, want in enumerate(wanted):
         rate[k] = plant.c @ x
-        out = pid.update(float(target), rate[k], limit) * scale
+        asked = float(want) if outer is None else float(want) + outer(float(rate[k, 0]))
+        now = targets[k] = _limited(autopilot, plant.speed, asked, now)
+        out = pid.update(now, rate[k], limit) * scale
         limit = held | (np.abs(out) >= 1.0)
         steering[k] = np.clip(out, -1.0, 1.0)
         felt = (
@@ -114,12 +119,17 @@ def limited_target(autopilot: Autopilot, speed: float, wanted: Array) -> Array:
 
     Starts at zero. The change is limited first, then the size, relative to the target of the last tick.
     """
-    most, step = autopilot.rate_limit(speed), autopilot.accel_max * autopilot.period
     out, now = np.empty_like(wanted), 0.0
     for k, want in enumerate(wanted):
-        reached = float(np.clip(want, now - step, now + step)) if step > 0 else float(want)
-        now = out[k] = min(max(reached, -most), most)
+        now = out[k] = _limited(autopilot, speed, float(want), now)
     return out
+
+
+def _limited(autopilot: Autopilot, speed: float, want: float, now: float) -> float:
+    """The limited target of one main loop; now: that of the last."""
+    most, step = autopilot.rate_limit(speed), autopilot.accel_max * autopilot.period
+    reached = min(max(want, now - step), now + step) if step > 0 else want
+    return min(max(reached, -most), most)
 
 
 def feedback_response(gains: Gains, p: Array, i: Array, dt: float, w: Array) -> NDArray[np.complex128]:

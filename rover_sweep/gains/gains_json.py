@@ -8,6 +8,7 @@ from dataclasses import asdict, is_dataclass
 from typing import Any
 
 from rover_sweep.gains.check import SpeedCheck, SteeringCheck
+from rover_sweep.gains.corner import Corner
 from rover_sweep.gains.proposal import AssessedGains, Proposal, SteeringLimits
 from rover_sweep.gains.speed_proposal import AssessedSpeed, SpeedProposal
 
@@ -213,6 +214,12 @@ def limits_document(limits: SteeringLimits) -> dict[str, Any]:
         "reach_deg_s": limits.reach,
         "confirmed_g": limits.confirmed_g,
     }
+
+
+def corners_document(turns: Sequence[Corner]) -> list[dict[str, Any]]:
+    """The 90 degree corners; distances in m, "leaves_m" and "returns_m" null inside the corridor."""
+    units = {"speed": "speed_m_s", "gains": "gains", "rate": "rate_rad_s"}
+    return [{units.get(k, f"{k}_m"): v for k, v in asdict(turn).items()} for turn in turns]
 
 
 def _assessed(judged: AssessedSpeed | None) -> dict[str, Any] | None:

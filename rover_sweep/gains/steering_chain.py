@@ -107,6 +107,7 @@ class Autopilot:
 
     scale_base: MOT_SPD_SCA_BASE [m/s]. us_right, us_left: PWM [us] from trim to the end of each side.
     rate_max [rad/s], accel_max [rad/s^2], lateral_g_max [g]: limits of the target, 0 for none (not the last).
+    angle_p: ATC_STR_ANG_P [1/s] of the heading controller.
     reversed: SERVOn_REVERSED. assumed: names of parameters that were not given and have their defaults.
     """
 
@@ -119,6 +120,7 @@ class Autopilot:
     rate_max: float
     accel_max: float
     lateral_g_max: float
+    angle_p: float
     servo: int = 1
     reversed: bool = False
     assumed: tuple[str, ...] = ()
@@ -205,6 +207,7 @@ def autopilot(parameters: Mapping[str, float], assumed: Mapping[str, float] | No
         math.radians(filled["ATC_STR_RAT_MAX"]),
         math.radians(filled["ATC_STR_ACC_MAX"]),
         max(float(filled["ATC_TURN_MAX_G"]), 0.1),
+        float(filled["ATC_STR_ANG_P"]),
         servo,
         swap,
         tuple(lacking),

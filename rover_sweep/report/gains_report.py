@@ -3,15 +3,22 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
+from rover_sweep.gains.corner import HALF_WIDTH, Corner
 from rover_sweep.gains.proposal import AssessedGains, Proposal, SteeringLimits
 from rover_sweep.report.document import Document, Section, Sentence, Table, items, some, table_of
 
 LARGE = 2.0  # factor of a gain from which the change is tried off the ground first
 
 
-def gains_report(proposal: Proposal, limits: SteeringLimits | None) -> Document:
-    """The gains and limits of the steering as a document."""
+def gains_report(
+    proposal: Proposal,
+    limits: SteeringLimits | None,
+    turns: Sequence[Corner] = (),
+    half_width: float = HALF_WIDTH,
+) -> Document:
+    """The gains and limits of the steering as a document. turns: corners in a corridor of half_width [m]."""
     autopilot = proposal.autopilot
     notes = [f"note: {remark}" for remark in proposal.support.remarks]
     columns = proposal.now or proposal.proposed
@@ -28,11 +35,48 @@ def gains_report(proposal: Proposal, limits: SteeringLimits | None) -> Document:
                     gains_table(proposal, limits) if columns else None,
                     Sentence(_origin(limits) if limits else ""),
                     Sentence(_large_changes(proposal)),
+                    _corner_table(turns, half_width),
                     *items(notes),
                 ),
             ),
         ),
     )
+
+
+def _corner_table(turns: Sequence[Corner], half_width: float) -> Table:
+    rows = tuple(
+        (
+            Cell(f"{turn.speed:.2f} m/s"),
+            Cell(turn.gains),
+            Cell(f"{math.degrees(turn.rate):.0f} deg/s"),
+            Cell(f"{turn.before:.1f} m"),
+            Cell(f"{turn.off:.2f} m"),
+            Cell(_corridor(turn)),
+        )
+        for turn in turns
+    )
+    headings = (
+        "",
+        "gains",
+        "turns at",
+        "begins before",
+        "off the legs by",
+        f"corridor of +-{half_width:g} m",
+    )
+    note = (
+        "The turn begins before the corner so that the rover ends on the next leg; one that begins at the "
+        "corner swings wide by as much. Constant speed, without sideslip."
+    )
+    return Table("A corner of 90 degrees", headings, rows, note, (0, 1, 5))
+
+
+def _corridor(turn: Corner) -> str:
+    if turn.leaves is None or turn.returns is None:
+        return "stays in it"
+    leaves, returns = (
+        f"{abs(at):.1f} m {'before' if at < 0 else 'after'}" for at in (turn.leaves, turn.returns)
+    )
+    return f"{'swings wide' if turn.wide else 'cuts it'} from {leaves} to {returns} the corner"
 
 
 def _verdict(proposal: Proposal) -> str:

@@ -25,6 +25,7 @@ import tempfile
 import time
 from pathlib import Path
 
+sys.path.remove(str(Path(__file__).parent))  # its coverage.py hides the library of that name
 sys.path.insert(0, str(Path(__file__).parents[2]))
 sys.path.insert(0, str(Path(__file__).parents[1] / "gains"))
 
@@ -103,7 +104,8 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as scratch:
         folder = options.out or Path(scratch)
         folder.mkdir(parents=True, exist_ok=True)
-        log, told, loop = drive(binary, folder, proposal.proposed.gains, speed=options.speed)
+        sets = {"defaults": {}, "proposed": proposal.proposed.gains.parameters}
+        log, told, loop = drive(binary, folder, sets, speed=options.speed)
         report(log, told, proposal, loop)
         if options.keep:
             keep(log, told, options.keep)

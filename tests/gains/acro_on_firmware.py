@@ -1,4 +1,4 @@
-"""A turn-rate profile driven in ACRO mode on the real firmware (SITL), with two sets of gains."""
+"""A turn-rate profile driven in ACRO mode on the real firmware (SITL), with several sets of parameters."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from pathlib import Path
 from acro_drive import FULL, Profile, Segment
 
 from firmware_params.param_files import shipped
-from rover_sweep.gains.steering_chain import DEFAULTS, Autopilot, Gains, autopilot
+from rover_sweep.gains.steering_chain import DEFAULTS, Autopilot, autopilot
 from rover_sweep.vehicle.link.link import Link, Refused
-from rover_sweep.vehicle.link.mavlink import constant
+from rover_sweep.vehicle.link.mavlink import constant, message_id
 from rover_sweep.vehicle.parameters import read_all, write_parameter
 from rover_sweep.vehicle.run.controls import pump
 from sitl.launcher import start_ardurover
@@ -26,6 +26,7 @@ SETTINGS = {
     "CRUISE_SPEED": SPEED,
     "CRUISE_THROTTLE": CRUISE_THROTTLE,
     "SCR_ENABLE": 0,
+    "GCS_PID_MASK": 3,
 }
 STRAIGHT = 6.0  # s, to reach the speed before a profile
 READY_S = 120.0
@@ -57,20 +58,25 @@ class Stick:
 def drive(
     binary: Path,
     folder: Path,
-    proposed: Gains,
+    sets: Mapping[str, Mapping[str, float]],
     profile: Profile = FULL,
     speedup: float = 1.0,
     speed: float = SPEED,
+    variant: str | Path = "nominal",
 ) -> tuple[Path, list[Segment], Autopilot]:
-    """(log, segments, the loop it flew) of the profile with the firmware's defaults, then with `proposed`.
+    """(log, segments, the loop at first) of the profile with each set of parameters in turn.
 
-    speed [m/s]: a share of what the stick asks for, which `Rover/mode_acro.cpp` reckons from CRUISE_SPEED.
+    sets: {name: parameters}, each over the ones before; none for the firmware's defaults. speed [m/s]: a
+    share of what the stick asks for, which `Rover/mode_acro.cpp` reckons from CRUISE_SPEED. PID_TUNING of
+    both controllers is in `folder`/drive.tlog.
     """
     settings = folder / "settings.param"
     settings.write_text("".join(f"{n} {v:g}\n" for n, v in SETTINGS.items()), encoding="ascii")
     files = [shipped("identification"), settings]
     with (
-        start_ardurover(binary, folder / "vehicle", defaults=files, speedup=speedup) as rover,
+        start_ardurover(
+            binary, folder / "vehicle", variant=variant, defaults=files, speedup=speedup
+        ) as rover,
         Link.open(rover.connection, folder / "drive.tlog") as link,
     ):
         pump(link, 10.0, 60.0)
@@ -78,14 +84,19 @@ def drive(
         loop = autopilot(have)
         flown = loop.gains.parameters
         assert all(math.isclose(v, DEFAULTS[n], rel_tol=1e-6) for n, v in flown.items()), flown
-        link.require("send attitude", "MAV_CMD_SET_MESSAGE_INTERVAL", float(30), 20_000.0)
+        for name, interval in (("ATTITUDE", 0.02), ("PID_TUNING", 0.05)):
+            link.require(
+                f"send {name}", "MAV_CMD_SET_MESSAGE_INTERVAL", float(message_id(name)), interval * 1e6
+            )
         stick = Stick(link, have, profile)
         _arm(link)
         stick.throttle = CRUISE_THROTTLE / 100 * speed / SPEED
-        told = [_driven(link, stick, "defaults", flown)]
-        for name, value in proposed.parameters.items():
-            write_parameter(link, name, value)
-        told.append(_driven(link, stick, "proposed", proposed.parameters))
+        told = []
+        for name, parameters in sets.items():
+            for key, value in parameters.items():
+                write_parameter(link, key, value)
+            flown = {**flown, **parameters}
+            told.append(_driven(link, stick, name, flown))
         stick.throttle = 0.0
         pump(link, 3.0, 20.0)
         link.command("MAV_CMD_COMPONENT_ARM_DISARM", 0.0)

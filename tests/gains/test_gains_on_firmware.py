@@ -135,7 +135,9 @@ def test_a_short_drive_on_the_firmware(proposal: Proposal, tmp_path: Path):
     except LaunchError as error:
         pytest.skip(str(error))
     short = Profile(steps=2, sine_s=4.0)
-    log, told, loop = drive(binary, tmp_path, proposal.proposed.gains, short, speedup=4.0)
+    log, told, loop = drive(
+        binary, tmp_path, {"defaults": {}, "proposed": proposal.proposed.gains.parameters}, short, speedup=4.0
+    )
     before, after = (judge(log, segment, short) for segment in told)
     assert after.rms < before.rms / 2
     assert after.step.overshoot == pytest.approx(

@@ -47,6 +47,9 @@ def gains(
         "Read the current parameters from the vehicle; changes nothing.", None, "URL"
     ),
     access: Access = ACCESS,
+    corridor: float = option(
+        "Half width of the corridor of the 90 degree corners.", NumberRange(0.05, 100), "M", default=1.0
+    ),
     out: str | None = option(
         "Write the proposed parameters to this file, and the present ones to undo-FILE.param.",
         FILE,
@@ -62,9 +65,9 @@ def gains(
     Shows gain and phase margins, the predicted step response, the valid speed range, and the same for the
     current parameters. P and I keep margins of 6 dB and 45 deg for all parameter values within their 90 %
     intervals, from speed/1.5 to 1.5 speed. The loop includes the firmware's scaling with speed
-    (MOT_SPD_SCA_BASE). Gains need a model that predicts a held-out run and has plausible numbers, from a
-    diagnosis one that explains the runs; else the reasons are shown and no file is written. One proposal
-    raises no gain by more than a factor of 2.
+    (MOT_SPD_SCA_BASE). A table has the path round a 90 degree corner. Gains need a model that predicts a
+    held-out run and has plausible numbers, from a diagnosis one that explains the runs; else the reasons
+    are shown and no file is written. One proposal raises no gain by more than a factor of 2.
 
     \b
     rover-sweep gains report --now log.BIN --speed 2.5 --out gains.param
@@ -92,7 +95,7 @@ def gains(
         for written in (out, str(_undo_of(Path(out)))):
             refuse_input(written, place, now, vehicle)
     current = _current_parameters(now, connect, access)
-    both = all_gains(Path(place), model, vehicle, current, now or connect or "the defaults", speed)
+    both = all_gains(Path(place), model, vehicle, current, now or connect or "the defaults", speed, corridor)
     if as_json:
         echo_json(json.dumps(both.document, indent=2))
     else:
@@ -102,7 +105,7 @@ def gains(
 
         console = results()
         if both.steering is not None:
-            console.print(on_terminal(gains_report(both.steering, both.limits)))
+            console.print(on_terminal(gains_report(both.steering, both.limits, both.corners, corridor)))
         if both.speed is not None:
             console.print(on_terminal(speed_gains_report(both.speed)))
     if out is None and both.text:
