@@ -44,14 +44,14 @@ def gains_report(
 
 
 def _corner_table(turns: Sequence[Corner], half_width: float) -> Table:
-    rows = tuple(
+    rows = (
         (
-            Cell(f"{turn.speed:.2f} m/s"),
-            Cell(turn.gains),
-            Cell(f"{math.degrees(turn.rate):.0f} deg/s"),
-            Cell(f"{turn.before:.1f} m"),
-            Cell(f"{turn.off:.2f} m"),
-            Cell(_corridor(turn)),
+            f"{turn.speed:.2f} m/s",
+            turn.gains,
+            f"{math.degrees(turn.rate):.0f} deg/s",
+            f"{turn.before:.1f} m",
+            f"{turn.off:.2f} m",
+            _corridor(turn),
         )
         for turn in turns
     )
@@ -67,7 +67,7 @@ def _corner_table(turns: Sequence[Corner], half_width: float) -> Table:
         "The turn begins before the corner so that the rover ends on the next leg; one that begins at the "
         "corner swings wide by as much. Constant speed, without sideslip."
     )
-    return Table("A corner of 90 degrees", headings, rows, note, (0, 1, 5))
+    return table_of("A corner of 90 degrees", headings, rows, note, (0, 1, 5))
 
 
 def _corridor(turn: Corner) -> str:
