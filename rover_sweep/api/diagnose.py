@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, fields
 from datetime import datetime
 from pathlib import Path
@@ -158,8 +159,9 @@ def diagnose(
     if model is not None and simulated:
         raise UsageError("model and simulated both give a baseline; give only one of them")
     limit = time_limit_of(time_limit)
-    _refuse_no_runs("held_out", held_out)
-    _refuse_no_runs("simulated", simulated)
+    for role, some in (("held_out", held_out), ("simulated", simulated)):
+        if not isinstance(some, Sequence) or not all(isinstance(run, Recording) for run in some):
+            raise UsageError(f"{role} ({type(some).__name__}) must be a sequence of runs; give rs.read(...)")
     name, values = nominal_of(Path(model), baseline) if model is not None else (baseline, {})
     chosen, left_out = candidates_left(_listed(only), _listed(without), None if simulated else name)
     settings = DiagnosisSettings(name, chosen, left_out, limit, seed, values)
@@ -167,11 +169,6 @@ def diagnose(
     found = diagnosed(given, runs.vehicle, settings, progress, stop)
     made = provenance(runs.vehicle, runs.vehicle_file, given.held_out, "", datetime.now().astimezone())
     return _full(found, given.origin(made, settings))
-
-
-def _refuse_no_runs(name: str, given: object) -> None:
-    if not isinstance(given, Sequence) or not all(isinstance(run, Recording) for run in given):
-        raise UsageError(f"{name} ({type(given).__name__}) must be a sequence of runs; give rs.read(...)")
 
 
 def _full(found: Diagnosis, origin: DiagnosisOrigin) -> FullDiagnosis:
@@ -187,19 +184,16 @@ def load_diagnosis(path: Location) -> FullDiagnosis:
     >>> rs.load_diagnosis(found.save("diagnosis.json")).findings[0].effect
     'steering_backlash'
     """
-    from rover_sweep.api.save import loads
+    from rover_sweep.api.save import loads, text_of
+    from rover_sweep.report.diagnosis.diagnosis_json import read_diagnosis
     from rover_sweep.report.export.augmented_model_json import refuse_implausible
 
     path = Path(path) / "diagnosis.json" if Path(path).is_dir() else Path(path)
-
-    try:
-        text = Path(path).read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise UsageError(f"{path} cannot be read: {error}") from None
-    if _is_report(text):
-        from rover_sweep.report.diagnosis.diagnosis_json import read_diagnosis
-
-        return _full(read_diagnosis(path), DiagnosisOrigin())
+    text = text_of(path)
+    with suppress(ValueError):
+        document = read_json(text)
+        if isinstance(document, dict) and document.get("format") == "rover-sweep diagnosis":
+            return _full(read_diagnosis(path), DiagnosisOrigin())
     found = loads(text, str(path))
     if not isinstance(found, FullDiagnosis):
         raise UsageError(f"{path} holds a {type(found).__name__}, not a diagnosis")
@@ -209,14 +203,6 @@ def load_diagnosis(path: Location) -> FullDiagnosis:
         except (ValueError, TypeError, AttributeError) as error:
             raise UsageError(f"{path} is damaged ({error}); diagnose again") from error
     return found
-
-
-def _is_report(text: str) -> bool:
-    try:
-        document = read_json(text)
-    except ValueError:
-        return False
-    return isinstance(document, dict) and document.get("format") == "rover-sweep diagnosis"
 
 
 def _listed(names: Sequence[str]) -> tuple[str, ...]:

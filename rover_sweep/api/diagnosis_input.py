@@ -11,15 +11,14 @@ from typing import Any
 
 from rover_sweep.api.known_steering import has_linkage, known
 from rover_sweep.api.read import doublets_apart, refuse_overlap, refuse_without_sweep
-from rover_sweep.data.geometry import Geometry
+from rover_sweep.api.save import result_document
 from rover_sweep.data.recording import Recording
 from rover_sweep.data.vehicle_file import Vehicle
 from rover_sweep.data.vehicle_geometry import geometry_of, tolerances_of
 from rover_sweep.diagnosis.effects import library
 from rover_sweep.diagnosis.result import BASELINES, START, Baseline, Diagnosis, DiagnosisSettings
 from rover_sweep.errors import DataRefused, UsageError
-from rover_sweep.files.documents import read_json
-from rover_sweep.identification.grouping import Group, Settings, grouped
+from rover_sweep.identification.grouping import Settings, grouped
 from rover_sweep.identification.model_results import determined_model
 from rover_sweep.identification.pipeline import wrong_place_in
 from rover_sweep.quality.faults import OPTIONAL, faulty_channels, with_length, without_faulty
@@ -65,14 +64,10 @@ def material(
     fitted, kept = (tuple(runs), tuple(held_out)) if held_out or not others else (others, doublets)
     refuse_overlap(fitted, kept)
     for run in simulated:
-        if any(_of_one_file(run, other) for other in (*fitted, *kept)):
+        digests = {digest for _, digest in run.sources}  # of its files, whatever their names
+        if any(digests & {digest for _, digest in other.sources} for other in (*fitted, *kept)):
             raise UsageError(f"{run.name} is both the recording and the simulation; simulate it first")
     return Material(fitted, kept, tuple(simulated))
-
-
-def _of_one_file(one: Recording, two: Recording) -> bool:
-    """True where both come from the same file, even under another name."""
-    return bool({digest for _, digest in one.sources} & {digest for _, digest in two.sources})
 
 
 def diagnosed(
@@ -99,19 +94,30 @@ def diagnosed(
         rover, groups = geometry_of(vehicle), grouped(given.runs, Settings())
         own = settings.baseline is not None or bool(given.simulated)
         if not own:
-            settings, simpler = _with_baseline(settings, groups, rover)
+            baseline, why = determined_model(groups, rover)
+            candidates_left(settings.with_effects, settings.without_effects, baseline)
+            settings = replace(settings, baseline=baseline)
+            simpler = f"the baseline is the {baseline} model: {why}" if why else ""
         misplaced = wrong_place_in(groups, rover, settings.baseline or "")
         others = given.held_out, given.simulated, progress, stop, groups
         found = diagnose(given.runs, rover, settings, *others)
-        while not own and (more := _more_complete(found)):
+        # What the coherence of one channel did not show, sideslip or roll, all channels together may.
+        while not own and (more := [f.effect for f in found.findings if f.effect in MORE_COMPLETE]):
             limit = settings.time_limit
             left = None if limit is None else limit - (time.monotonic() - started)
             if left is not None and left <= 0:
                 break
-            settings, simpler = replace(settings, baseline=more), ""
+            settings, simpler = replace(settings, baseline=MORE_COMPLETE[more[0]]), ""
             found = diagnose(given.runs, rover, replace(settings, time_limit=left), *others)
     except DataRefused as error:
-        found = _refused(str(error), given, settings, time.monotonic() - started)
+        found = Diagnosis(
+            "refused",
+            str(error),
+            settings.baseline or "roll-yaw",
+            seconds=time.monotonic() - started,
+            runs=tuple(run.name for run in given.runs),
+            held_out_runs=tuple(run.name for run in given.held_out),
+        )
     if found.model is not None and vehicle.trim_us is not None and vehicle.rad_per_us is not None:
         found = replace(found, model=replace(found.model, steering=vehicle.steering()))
     remarks = [NOTHING_HELD_OUT] if not given.held_out and found.verdict != "refused" else []
@@ -126,24 +132,6 @@ def diagnosed(
         seconds = time.monotonic() - started
         remarks.append(f"stopped by hand after {seconds:.0f} s, so only the results so far are reported")
     return replace(found, remarks=(*found.remarks, *remarks), seconds=time.monotonic() - started)
-
-
-def _with_baseline(
-    settings: DiagnosisSettings, groups: Sequence[Group], rover: Geometry
-) -> tuple[DiagnosisSettings, str]:
-    """The settings with the baseline that the runs determine; a remark if it is not the roll-yaw model."""
-    baseline, why = determined_model(groups, rover)
-    candidates_left(settings.with_effects, settings.without_effects, baseline)
-    remark = f"the baseline is the {baseline} model: {why}" if why else ""
-    return replace(settings, baseline=baseline), remark
-
-
-def _more_complete(found: Diagnosis) -> Baseline | None:
-    """The baseline that has the sideslip or roll which a simpler one was found to lack, None if none was.
-
-    What the coherence of one channel did not show, all channels together may.
-    """
-    return next((MORE_COMPLETE[f.effect] for f in found.findings if f.effect in MORE_COMPLETE), None)
 
 
 def _sound(given: Material) -> tuple[Material, tuple[str, ...]]:
@@ -161,17 +149,6 @@ def _sound(given: Material) -> tuple[Material, tuple[str, ...]]:
     fitted, kept = (tuple(r.without(without) for r in some) for some in (given.runs, given.held_out))
     out = replace(given, runs=fitted, held_out=kept)
     return out, (*apart, *(f"left out: {words}" for words in why))
-
-
-def _refused(why: str, given: Material, settings: DiagnosisSettings, seconds: float) -> Diagnosis:
-    return Diagnosis(
-        "refused",
-        why,
-        settings.baseline or "roll-yaw",
-        seconds=seconds,
-        runs=tuple(run.name for run in given.runs),
-        held_out_runs=tuple(run.name for run in given.held_out),
-    )
 
 
 def effects_named(names: Sequence[str]) -> tuple[str, ...]:
@@ -225,7 +202,9 @@ def nominal_of(path: Path, baseline: str | None) -> tuple[Baseline, Mapping[str,
     baseline: which of its models, None for the recommended one. UsageError for any other file, and for a
     model that is missing or whose parameters were rejected.
     """
-    document = _document(path)
+    document = result_document(path)
+    if document.get("format") not in ("rover-sweep identification", "rover-sweep model"):
+        raise UsageError(f"{path} is not an identification.json; give the file that `identify` wrote")
     if document.get("format") == "rover-sweep model":
         name, values = document.get("model"), document.get("parameters", {})
     else:
@@ -245,14 +224,10 @@ def nominal_of(path: Path, baseline: str | None) -> tuple[Baseline, Mapping[str,
             f"{path}: {lacking[0]} of its {name} model could not be identified; use another model"
         )
     for p, v in values.items():
-        if isinstance(v, bool) or not isinstance(v, int | float) or not isfinite(v):
-            raise UsageError(
-                f"{path}: {p} of its {name} model is {v!r}, which is no number; run identify again"
-            )
-        if p in START and v <= 0:
-            raise UsageError(
-                f"{path}: {p} of its {name} model is {v:g}; it must be above 0; run identify again"
-            )
+        number = isinstance(v, int | float) and not isinstance(v, bool) and isfinite(v)
+        if not number or (p in START and v <= 0):
+            wrong = f"{v:g}; it must be above 0" if number else f"{v!r}, which is no number"
+            raise UsageError(f"{path}: {p} of its {name} model is {wrong}; run identify again")
     if name in ("roll-yaw", "bicycle") and not values.keys() & set(START):
         raise UsageError(
             f"{path}: its {name} model has none of {', '.join(START)}; give the file that `identify` wrote"
@@ -267,14 +242,3 @@ def _object(part: Any, path: Path, where: str) -> dict[str, Any]:
     raise UsageError(
         f"{path} cannot be read as a model: {where} is {part!r}, not an object; run identify again"
     )
-
-
-def _document(path: Path) -> dict[str, Any]:
-    try:
-        document = read_json(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise UsageError(f"{path} cannot be read as a model: {error}") from None
-    formats = ("rover-sweep identification", "rover-sweep model")
-    if not isinstance(document, dict) or document.get("format") not in formats:
-        raise UsageError(f"{path} is not an identification.json; give the file that `identify` wrote")
-    return document

@@ -6,18 +6,19 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
-from rover_sweep.api.save import holds
+from rover_sweep.api.diagnose import load_diagnosis
+from rover_sweep.api.identify import load_result
+from rover_sweep.api.save import holds, is_diagnosis, result_document, result_file
 from rover_sweep.data.controller_log import ControllerLog
 from rover_sweep.data.vehicle_file import load as load_vehicle
 from rover_sweep.errors import DataRefused, UsageError
-from rover_sweep.files.documents import read_json
 from rover_sweep.gains.check import SpeedCheck, SteeringCheck, check_speed, check_steering
 from rover_sweep.gains.identified import PHYSICAL, Identified, from_diagnosis, from_identification
 from rover_sweep.gains.proposal import Proposal, propose_gains
 from rover_sweep.gains.steering_chain import autopilot
 from rover_sweep.logs.controllers import read_controllers
+from rover_sweep.report.identification.identification_json import identification_document
 
 LOGS = (".bin", ".log", ".tlog")
 
@@ -88,21 +89,30 @@ def _ends(logs: Sequence[ControllerLog]) -> Sequence[ControllerLog]:
 def read_identified(place: Path, name: str | None, vehicle_file: str | None = None) -> Identified:
     """The model of an identification.json, a saved result, a diagnosis, or a folder with one of them; with
     rad_per_us of the vehicle file, if one is given."""
-    found = _identified(_file(place), name)
+    path = result_file(place, "identification.json", "diagnosis.json")
+    if path is None:
+        raise UsageError(
+            f"{place} contains no identification; give the --out folder of identify, run or diagnose"
+        )
+    found = _identified(path, name)
     if vehicle_file:
         return replace(found, rad_per_us=load_vehicle(vehicle_file).steering()[1])
     return found
 
 
 def _identified(path: Path, name: str | None) -> Identified:
-    document = _json(path)
+    document = result_document(path)
     try:
         if document.get("format") == "rover-sweep identification":
             return from_identification(document, name)
-        if document.get("format") == "rover-sweep diagnosis" or holds(document, "FullDiagnosis"):
-            return _diagnosed(path, name)
+        if is_diagnosis(document):
+            found = load_diagnosis(path)
+            if name not in (None, found.baseline):
+                raise UsageError(f"{path} has the {found.baseline} model; remove --model {name}")
+            return from_diagnosis(found)
         if holds(document, "Result"):
-            return from_identification(_result_document(path), name)
+            result = load_result(path)
+            return from_identification(identification_document(result, result.origin), name)
     except (KeyError, TypeError, ValueError, IndexError) as error:
         why = {KeyError: f"{error} is missing", ValueError: str(error)}.get(
             type(error), "a part of it has another form"
@@ -124,45 +134,6 @@ def recorded_parameters(path: Path) -> dict[str, float]:
         if name.startswith("ATC_STR_RAT_") and not 0.0 <= value < math.inf:
             raise UsageError(f"{path}: {name} is {value:g}; it must be 0 or more: save the parameters again")
     return found
-
-
-def _file(place: Path) -> Path:
-    if place.is_file():
-        return place
-    for folder in (place, place / "report"):
-        for name in ("identification.json", "diagnosis.json"):
-            if (folder / name).is_file():
-                return folder / name
-    raise UsageError(
-        f"{place} contains no identification; give the --out folder of identify, run or diagnose"
-    )
-
-
-def _json(path: Path) -> dict[str, Any]:
-    try:
-        document = read_json(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise UsageError(f"{path} cannot be read as an identification: {error}") from None
-    if not isinstance(document, dict):
-        raise UsageError(f"{path} is neither an identification nor a diagnosis of rover-sweep")
-    return document
-
-
-def _result_document(path: Path) -> dict[str, Any]:
-    from rover_sweep.api.identify import load_result
-    from rover_sweep.report.identification.identification_json import identification_document
-
-    result = load_result(path)
-    return identification_document(result, result.origin)
-
-
-def _diagnosed(path: Path, name: str | None) -> Identified:
-    from rover_sweep.api.diagnose import load_diagnosis
-
-    found = load_diagnosis(path)
-    if name not in (None, found.baseline):
-        raise UsageError(f"{path} has the {found.baseline} model; remove --model {name}")
-    return from_diagnosis(found)
 
 
 def _logged(path: Path) -> dict[str, float]:

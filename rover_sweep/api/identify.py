@@ -76,24 +76,18 @@ def check_settings(settings: Settings, runs: Sequence[Recording]) -> None:
         raise UsageError(
             f"--wmin {settings.band[0]:g} rad/s has a period longer than the longest run, {longest:.3g} s"
         )
-    _check_inputs(settings.condition_on, runs)
+    for name in settings.condition_on:
+        if name in STEERED:
+            raise UsageError(f"{name} is the steering or follows it; condition on an independent input")
+        if lacking := [run for run in runs if name not in run]:
+            there = ", ".join(c for c in lacking[0].channels if c not in STEERED) or "nothing else"
+            raise UsageError(f"{lacking[0].name} has no {name!r} to condition on; it holds {there}")
     for name, (low, high) in settings.bands.items():
         if high > fastest or low < 2 * math.pi / longest or high < 1.5 * low:
             within = f"{2 * math.pi / longest:.2g} and {fastest:.3g} rad/s"
             raise UsageError(
                 f"--band {name}={low:g}:{high:g} must be between {within} and span a factor of 1.5 or more"
             )
-
-
-def _check_inputs(names: Sequence[str], runs: Sequence[Recording]) -> None:
-    """UsageError for further inputs that were not recorded, or that are the steering or an output."""
-    for name in names:
-        if name in STEERED:
-            raise UsageError(f"{name} is the steering or follows it; condition on an independent input")
-        lacking = [run for run in runs if name not in run]
-        if lacking:
-            there = ", ".join(c for c in lacking[0].channels if c not in STEERED) or "nothing else"
-            raise UsageError(f"{lacking[0].name} has no {name!r} to condition on; it holds {there}")
 
 
 # The numbers of an identified rover, with what its vehicle file and its parts leave open allowed for.
@@ -356,13 +350,9 @@ def load_result(path: Location) -> Result:
     >>> again.models["roll-yaw"].parameters["tau"].value == result.models["roll-yaw"].parameters["tau"].value
     True
     """
-    from rover_sweep.api.save import loads
+    from rover_sweep.api.save import loads, text_of
 
-    try:
-        text = Path(path).read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise UsageError(f"{path} cannot be read: {error}") from None
-    found = loads(text, str(path))
+    found = loads(text_of(Path(path)), str(path))
     if not isinstance(found, Result):
         raise UsageError(f"{path} holds a {type(found).__name__}, not the result of an identification")
     return found

@@ -61,36 +61,26 @@ def plan_runs(
     into an angle, or if no run can show any of the wanted effects.
     """
     from rover_sweep.diagnosis.plans.plan import plan
-    from rover_sweep.diagnosis.simulation.experiment import experiment
 
-    _, rad_per_us = vehicle.steering()
-    _refuse_nothing_wanted(wanted, vehicle)
-    bench = known(vehicle, tolerances_of(vehicle))
-    settled = {effect: why for effect, why in bench.settled.items() if effect not in wanted}
+    geometry, (_, rad_per_us), usual = geometry_of(vehicle), vehicle.steering(), tolerances_of(vehicle)
+    planner = Planner(geometry, abs(rad_per_us), wanted, usual, {}, lambda what, share: None)
+    if wanted and not planner.asked:
+        raise UsageError(
+            f"no run can show {', '.join(wanted)} with the {planner.model.baseline} baseline of this plan; "
+            f"choose from {', '.join(effect.id for effect in planner.effects)}"
+        )
+    bench = known(vehicle, usual)
     return plan(
         tuple(runs),
-        geometry_of(vehicle),
+        geometry,
         abs(rad_per_us),
         planning_limits(vehicle),
         tuple(wanted),
         bench.spread,
         {run.name: experiment(run) for run in driven},
         progress,
-        settled,
+        {effect: why for effect, why in bench.settled.items() if effect not in wanted},
     )
-
-
-def _refuse_nothing_wanted(wanted: Sequence[str], vehicle: Vehicle) -> None:
-    """UsageError if no run can show any of the wanted effects with the baseline of the plan."""
-    from rover_sweep.diagnosis.plans.planner import Planner
-
-    geometry, (_, rad_per_us) = geometry_of(vehicle), vehicle.steering()
-    planner = Planner(geometry, abs(rad_per_us), wanted, tolerances_of(vehicle), {}, lambda what, share: None)
-    if wanted and not planner.asked:
-        raise UsageError(
-            f"no run can show {', '.join(wanted)} with the {planner.model.baseline} baseline of this plan; "
-            f"choose from {', '.join(effect.id for effect in planner.effects)}"
-        )
 
 
 def planning_limits(vehicle: Vehicle) -> Limits:
@@ -124,22 +114,18 @@ def as_planned(run: Recording, vehicle: Vehicle) -> PlannedRun:
     if "speed" not in run:
         raise UsageError(f"{run.name} has no recorded speed, which a plan needs")
     bent = run.kind == "sweep" and abs(bias) > BIAS_SHARE * amplitude
+    heading = None  # mean direction of the drive [deg, clockwise from north]
+    if "psi" in run:
+        psi = run.manoeuvre("psi").x
+        heading = round(-math.degrees(math.atan2(np.mean(np.sin(psi)), np.mean(np.cos(psi))))) % 360.0
     return PlannedRun(
         "bias_sweep" if bent else "other" if run.kind == "throttle" else run.kind,
         round(amplitude),
         round(run.mean_speed, 2),
-        _heading(run),
+        heading,
         round(bias) if bent else 0.0,
         name=run.name,
     )
-
-
-def _heading(run: Recording) -> float | None:
-    """Mean direction of the drive [deg, clockwise from north], None where it is not recorded."""
-    if "psi" not in run:
-        return None
-    psi = run.manoeuvre("psi").x
-    return round(-math.degrees(math.atan2(np.mean(np.sin(psi)), np.mean(np.cos(psi))))) % 360.0
 
 
 MOST_RUNS = 6
@@ -205,7 +191,15 @@ def investigation(
 
     A run that did not come to its end counts as one of the allowed runs. The last decision has no run.
     """
-    once = _remembered(diagnose or _diagnose(vehicle))
+    known_before: dict[tuple[str, ...], Diagnosis] = {}
+
+    def once(given: Material) -> Diagnosis:
+        """The same diagnosis for the same runs, as after a run that did not come to its end."""
+        names = tuple(run.name for run in (*given.runs, *given.held_out))
+        if names not in known_before:
+            known_before[names] = (diagnose or _diagnose(vehicle))(given)
+        return known_before[names]
+
     tried, before = len(driver.recordings()), Decision(NextStep("open", ""))
     while True:
         left = replace(bounds, runs=bounds.runs - tried)
@@ -220,19 +214,6 @@ def investigation(
         tried += 1
 
 
-def _remembered(diagnose: Diagnose) -> Diagnose:
-    """The same diagnosis for the same runs, as after a run that did not come to its end."""
-    known: dict[tuple[str, ...], Diagnosis] = {}
-
-    def again(given: Material) -> Diagnosis:
-        names = tuple(run.name for run in (*given.runs, *given.held_out))
-        if names not in known:
-            known[names] = diagnose(given)
-        return known[names]
-
-    return again
-
-
 def decided(
     recordings: Sequence[Recording],
     vehicle: Vehicle,
@@ -244,24 +225,20 @@ def decided(
 
     UsageError if the vehicle file has no steering scale.
     """
-    driven = [_at_usual_speed(as_planned(run, vehicle), bounds) for run in recordings]
+    driven = []
+    for planned in (as_planned(run, vehicle) for run in recordings):
+        # At the largest speed if it nearly had it, so that choices do not follow every deviation.
+        nearly = abs(planned.speed - bounds.speed) <= SAME * bounds.speed
+        speed = bounds.speed if nearly else round(planned.speed, 1)
+        driven.append(replace(planned, speed=speed, heading=planned.heading if bounds.headings else None))
     first = first_sweep(vehicle, bounds)
     means = Means(choices(driven or [first], vehicle, bounds), bounds.runs, spent)
-    if step := first_run(driven, first, _fitting_first(means, first, vehicle, bounds)):
+    within = means if fits(first, vehicle, bounds.ground) else replace(means, choices=())
+    if step := first_run(driven, first, within):
         return Decision(step)
     given = material(recordings, ())
     found = (diagnose or _diagnose(vehicle))(given)
-    step = next_step(found, driven, means, _ranking(recordings, driven, means, vehicle))
-    return Decision(step, found, given, tuple(run.name for run in recordings))
 
-
-def _diagnose(vehicle: Vehicle) -> Diagnose:
-    return lambda given: diagnosed(given, vehicle, DiagnosisSettings())
-
-
-def _ranking(
-    recordings: Sequence[Recording], driven: Sequence[PlannedRun], means: Means, vehicle: Vehicle
-) -> Callable[[Odds], Sequence[RunValue]]:
     def ranked(odds: Odds) -> Sequence[RunValue]:
         spread = known(vehicle, tolerances_of(vehicle)).spread
         kept = {run.name: experiment(run) for run in recordings}
@@ -272,7 +249,12 @@ def _ranking(
         settled = {e.id: "not asked" for e in planner.effects if e.id not in odds}
         return run_values(replace(planner, settled=settled), driven, means.choices, odds)
 
-    return ranked
+    step = next_step(found, driven, means, ranked)
+    return Decision(step, found, given, tuple(run.name for run in recordings))
+
+
+def _diagnose(vehicle: Vehicle) -> Diagnose:
+    return lambda given: diagnosed(given, vehicle, DiagnosisSettings())
 
 
 def _limits(vehicle: Vehicle, bounds: Bounds) -> Limits:
@@ -300,7 +282,9 @@ def choices(driven: Sequence[PlannedRun], vehicle: Vehicle, bounds: Bounds) -> t
     _, rad_per_us = vehicle.steering()
     limits = _limits(vehicle, bounds)
     found = candidates(driven, geometry_of(vehicle), abs(rad_per_us), limits)
-    found += [_largest(speed, vehicle, limits) for speed in dict.fromkeys(run.speed for run in found)]
+    for speed in dict.fromkeys(run.speed for run in found):  # the sweep of the largest amplitude
+        most = largest_amplitude(speed, limits.ay, geometry_of(vehicle), abs(rad_per_us)) if speed else 0.0
+        found.append(PlannedRun("sweep", min(most, limits.amplitude_us), speed))
     kept = [
         run
         for run in found
@@ -308,20 +292,6 @@ def choices(driven: Sequence[PlannedRun], vehicle: Vehicle, bounds: Bounds) -> t
     ]
     whole = (replace(run, amplitude_us=10.0 * ((run.amplitude_us + MEASURED_US) // 10.0)) for run in kept)
     return tuple(run for run in dict.fromkeys(whole) if fits(run, vehicle, bounds.ground))
-
-
-def _at_usual_speed(run: PlannedRun, bounds: Bounds) -> PlannedRun:
-    """The run at the largest speed if it nearly had it, so that choices do not follow every deviation."""
-    nearly = abs(run.speed - bounds.speed) <= SAME * bounds.speed
-    speed = bounds.speed if nearly else round(run.speed, 1)
-    return replace(run, speed=speed, heading=run.heading if bounds.headings else None)
-
-
-def _largest(speed: float, vehicle: Vehicle, limits: Limits) -> PlannedRun:
-    """The sweep of the largest amplitude within the limits at a speed [m/s]."""
-    _, rad_per_us = vehicle.steering()
-    most = largest_amplitude(speed, limits.ay, geometry_of(vehicle), abs(rad_per_us)) if speed else 0.0
-    return PlannedRun("sweep", min(most, limits.amplitude_us), speed)
 
 
 def fits(run: PlannedRun, vehicle: Vehicle, ground: tuple[float, float] | None) -> bool:
@@ -332,14 +302,9 @@ def fits(run: PlannedRun, vehicle: Vehicle, ground: tuple[float, float] | None) 
     return needed.length <= ground[0] and needed.width <= ground[1]
 
 
-def _fitting_first(means: Means, first: PlannedRun, vehicle: Vehicle, bounds: Bounds) -> Means:
-    return means if fits(first, vehicle, bounds.ground) else replace(means, choices=())
-
-
 # investigation.json: the steps of an investigation with their reasons, for programs.
 
 
-FORMAT, FORMAT_VERSION = "rover-sweep investigation", 1
 DOCUMENT = "investigation.json"
 
 
@@ -352,38 +317,36 @@ def investigation_document(
     expected_bits of its run, told_bits of the run before it.
     """
     step = decisions[-1].step
-    steps = [*earlier, *(_step(decision) for decision in decisions)]
+    own = [
+        {
+            "runs": decision.runs,
+            "verdict": found.verdict if (found := decision.diagnosis) else None,
+            "findings": [
+                {"effect": f.effect, "look_alikes": f.look_alikes, "probability": f.probability}
+                for f in (found.findings if found else ())
+            ],
+            "action": decision.step.action,
+            "reason": decision.step.reason,
+            "run": asdict(decision.step.run) if decision.step.run else None,
+            "expected_bits": decision.step.bits,
+            "told_bits": decision.told,
+        }
+        for decision in decisions
+    ]
     return plain(
         {
-            "format": FORMAT,
-            "format_version": FORMAT_VERSION,
+            "format": "rover-sweep investigation",
+            "format_version": 1,
             "settled": step.action == "settled",
             "action": step.action,
             "sentence": step.reason,
             "effects": step.effects,
             "proposal": [asdict(step.run)] if step.run else [],
             "settles": [step.reason] if step.run else [],
-            "steps": [{"number": n, **one} for n, one in enumerate(steps, 1)],
+            "steps": [{"number": n, **one} for n, one in enumerate([*earlier, *own], 1)],
             "units": "amplitude_us, bias_us: us; speed: m/s; heading: deg clockwise from north, null for any",
         }
     )
-
-
-def _step(decision: Decision) -> dict[str, Any]:
-    step, found = decision.step, decision.diagnosis
-    return {
-        "runs": decision.runs,
-        "verdict": found.verdict if found else None,
-        "findings": [
-            {"effect": f.effect, "look_alikes": f.look_alikes, "probability": f.probability}
-            for f in (found.findings if found else ())
-        ],
-        "action": step.action,
-        "reason": step.reason,
-        "run": asdict(step.run) if step.run else None,
-        "expected_bits": step.bits,
-        "told_bits": decision.told,
-    }
 
 
 def write_investigation(

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rover_sweep.data.geometry import Tolerances
-from rover_sweep.data.recording import Array, Recording, Signal
+from rover_sweep.data.recording import Recording, Signal
 from rover_sweep.data.results import NORMAL_90
 from rover_sweep.data.vehicle_file import Measured, Vehicle
 from rover_sweep.data.vehicle_rules import MATERIAL
@@ -84,20 +84,16 @@ def behind_servo(wanted: Signal, lag: float, slowness: float, gap: float) -> Sig
     """
     from rover_sweep.bench.static_curve import driven
 
-    t = _finer(wanted.t)
+    parts = np.ceil(np.diff(wanted.t) / FINE).astype(int)  # every interval in equal parts of at most FINE
+    within = np.arange(parts.sum()) - np.repeat(np.cumsum(parts) - parts, parts)
+    steps = np.repeat(np.diff(wanted.t) / parts, parts)
+    t = np.append(np.repeat(wanted.t[:-1], parts) + within * steps, wanted.t[-1])
     wheel = driven(wanted.t, wanted.x, t, lag, slowness, gap, 0.0)
     if lag <= NO_LAG:
         return replace(wanted, t=t, x=wheel)
     left = np.exp(-np.diff(t) / lag)  # share of an error that is left after each interval
     asked = (wheel[1:] - left * wheel[:-1]) / (1.0 - left)
     return replace(wanted, t=t, x=np.append(asked, wheel[-1]))
-
-
-def _finer(t: Array) -> Array:
-    """t (n,) s with every interval split into equal parts of at most `FINE`."""
-    parts = np.ceil(np.diff(t) / FINE).astype(int)
-    within = np.arange(parts.sum()) - np.repeat(np.cumsum(parts) - parts, parts)
-    return np.append(np.repeat(t[:-1], parts) + within * np.repeat(np.diff(t) / parts, parts), t[-1])
 
 
 def known(vehicle: Vehicle, spread: Tolerances) -> Known:

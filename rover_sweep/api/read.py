@@ -6,7 +6,6 @@ of a session.
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations, product
@@ -17,7 +16,15 @@ from typing import Any
 import numpy as np
 
 from rover_sweep.api.known_steering import through_linkage
-from rover_sweep.data.recording import Note, Recording, grouped_warnings, named, source_names, steered
+from rover_sweep.data.recording import (
+    Note,
+    Recording,
+    grouped_warnings,
+    joined_frames,
+    named,
+    source_names,
+    steered,
+)
 from rover_sweep.data.results import ShortTable, Shown, plain_number
 from rover_sweep.data.vehicle_file import Vehicle
 from rover_sweep.data.vehicle_file import load as load_vehicle
@@ -31,6 +38,8 @@ from rover_sweep.quality.rovers import stopped_at, with_rovers
 from rover_sweep.quality.verdict import CoherenceTable, assess
 from rover_sweep.session.folder import is_session, kept_vehicle_file, without_run
 from rover_sweep.session.session import session_runs
+
+Location = str | PathLike[str]
 
 # Divides runs into those to fit and those to verify on, and refuses runs in both.
 
@@ -168,26 +177,24 @@ def _two_logs(one: Recording, two: Recording) -> bool:
 # Reads a user's files of model structures, for `identify --structure`.
 
 
-StructureLocation = str | os.PathLike[str]
-
-
-def load_structures(paths: Sequence[StructureLocation | ModelStructure]) -> tuple[ModelStructure, ...]:
+def load_structures(paths: Sequence[Location | ModelStructure]) -> tuple[ModelStructure, ...]:
     """The structures of these files. UsageError with all mistakes of a file, or when two have one name."""
-    found = tuple(p if isinstance(p, ModelStructure) else _load(Path(p)) for p in paths)
+    found: list[ModelStructure] = []
+    for path in paths:
+        if isinstance(path, ModelStructure):
+            found.append(path)
+            continue
+        try:
+            found.append(structure_from_text(Path(path).read_text(encoding="utf-8")))
+        except (OSError, UnicodeDecodeError) as error:
+            raise UsageError(f"the structure {path} cannot be read: {error}") from None
+        except StructureError as error:
+            mistakes = str(error).replace("\n", "\n  ")
+            raise UsageError(f"{path} is not a structure:\n  {mistakes}") from None
     names = [*MODELS, "kinematic", *(s.name for s in found)]
     if twice := [n for i, n in enumerate(names) if n in names[:i]]:
         raise UsageError(f"a model named {twice[0]!r} exists already; rename the structure")
-    return found
-
-
-def _load(path: Path) -> ModelStructure:
-    try:
-        return structure_from_text(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError) as error:
-        raise UsageError(f"the structure {path} cannot be read: {error}") from None
-    except StructureError as error:
-        mistakes = str(error).replace("\n", "\n  ")
-        raise UsageError(f"{path} is not a structure:\n  {mistakes}") from None
+    return tuple(found)
 
 
 # One trial of a recording as a source: `runs.csv:3` is trial 3 of runs.csv.
@@ -270,9 +277,6 @@ def _is_of(label: str, rest: str) -> bool:
         return False
 
 
-Location = str | PathLike[str]
-
-
 @dataclass(frozen=True)
 class Reading:
     """How to read the recordings. columns: the map of a .csv (dict or path of a TOML file).
@@ -302,15 +306,12 @@ class Runs(Shown, Sequence[Recording]):
 
     def __getitem__(self, key: Any) -> Any:
         if isinstance(key, str):
-            return self._named(key)
+            for run in self.recordings:
+                if run.name == key:
+                    return run
+            raise KeyError(f"there is no run {key!r}; the names are {', '.join(r.name for r in self)}")
         found = self.recordings[key]
         return replace(self, recordings=found) if isinstance(key, slice) else found
-
-    def _named(self, name: str) -> Recording:
-        for run in self.recordings:
-            if run.name == name:
-                return run
-        raise KeyError(f"there is no run {name!r}; the names are {', '.join(r.name for r in self)}")
 
     def __contains__(self, key: object) -> bool:
         return any(run is key or run.name == key for run in self.recordings)
@@ -355,8 +356,6 @@ class Runs(Shown, Sequence[Recording]):
         """
         if not self.recordings:
             raise UsageError("there is no run to put into a frame")
-        from rover_sweep.data.recording import joined_frames
-
         return joined_frames({run.name: run.to_frame(rate) for run in self.recordings}, "run")
 
     def table(self) -> ShortTable:
@@ -456,8 +455,10 @@ def load_runs(
     names = source_names([part.source for part in (*parts, *others)])
     found: list[Recording] = []
     for part in parts:
-        if is_session(Path(part.source)):
-            found += _of_session(part.source, filters, names)
+        if is_session(Path(part.source)):  # named as in its plan, after its folder if there are other sources
+            runs = session_runs(Path(part.source), filters)
+            own = names[part.source]
+            found += runs if len(names) == 1 else (replace(r, name=f"{own}/{r.name}") for r in runs)
         else:
             try:
                 runs = read_runs(part.source, column_map=columns, filters=filters, system=system)
@@ -470,14 +471,6 @@ def load_runs(
     if others and not found:
         raise UsageError(f"every run of {sources[0]} is used elsewhere; leave some to fit")
     return with_rovers(found)
-
-
-def _of_session(
-    source: str, filters: Mapping[str, float] | None, names: Mapping[str, str]
-) -> tuple[Recording, ...]:
-    """Runs with the names of the plan; with the folder's name in front if there are other sources."""
-    runs = session_runs(Path(source), filters)
-    return runs if len(names) == 1 else tuple(replace(r, name=f"{names[source]}/{r.name}") for r in runs)
 
 
 def with_delta(run: Recording, vehicle: Vehicle) -> Recording:

@@ -1,4 +1,4 @@
-"""Saves results to a file and reads them without loss: `Result.save` and `load_result`.
+"""Finds files of results, saves results and reads them without loss: `Result.save` and `load_result`.
 
 The file is JSON: each dataclass with its name and fields, each array once, exact (zlib, base64, little
 endian). It has no module in it, so the classes may move; their names are unique. For other programs there is
@@ -39,6 +39,41 @@ def holds(document: Any, kind: str) -> bool:
     """Whether the JSON is a saved result of this class, such as "FullDiagnosis"."""
     saved = document.get("result") if isinstance(document, dict) else None
     return isinstance(saved, dict) and saved.get(IS) == kind
+
+
+def result_file(place: Path, *names: str) -> Path | None:
+    """A file itself, else the first of these names in the folder or its report/; None without one."""
+    folders = (place, place / "report")
+    return (
+        place
+        if place.is_file()
+        else next((folder / name for folder in folders for name in names if (folder / name).is_file()), None)
+    )
+
+
+def result_document(path: Path) -> dict[str, Any]:
+    """The JSON object in a file of results; UsageError for any other file."""
+    try:
+        document = read_json(text_of(path))
+    except ValueError as error:
+        raise UsageError(f"{path} cannot be read as results of rover-sweep: {error}") from None
+    if not isinstance(document, dict):
+        raise UsageError(f"{path} is not a file of results of rover-sweep")
+    return document
+
+
+def is_diagnosis(document: Any) -> bool:
+    """Whether the JSON is a diagnosis.json or a saved diagnosis."""
+    is_report = isinstance(document, dict) and document.get("format") == "rover-sweep diagnosis"
+    return is_report or holds(document, "FullDiagnosis")
+
+
+def text_of(path: Path) -> str:
+    """The text of a file; UsageError where it cannot be read."""
+    try:
+        return path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise UsageError(f"{path} cannot be read: {error}") from None
 
 
 def dumps(value: Any) -> str:
@@ -159,8 +194,10 @@ def _decoded(value: Any, arrays: Mapping[str, np.ndarray]) -> Any:
             return arrays[of]
         case "mapping":
             return {key: _decoded(item, arrays) for key, item in of}
-        case "function":
-            return _builder(of)
+        case "function":  # others are refused, so that a file cannot call any code
+            if not of.endswith("_matrices"):
+                raise TypeError(f"{of} does not build a model")
+            return getattr(import_module(BUILDERS), of)
         case "float" | "complex" | "path":
             simple: dict[str, Callable[[str], Any]] = {"float": float, "complex": complex, "path": Path}
             return simple[kind](of)
@@ -171,11 +208,3 @@ def _decoded(value: Any, arrays: Mapping[str, np.ndarray]) -> Any:
     if made is ModelStructure and own.get("source"):  # a user's own structure is built from its text
         own["build"] = structure_from_text(own["source"]).build
     return made(**own)
-
-
-def _builder(name: str) -> Callable[..., Any]:
-    """A function that builds a known model; others are refused, so that a file cannot call any code."""
-    if not name.endswith("_matrices"):
-        raise TypeError(f"{name} does not build a model")
-    found: Callable[..., Any] = getattr(import_module(BUILDERS), name)
-    return found

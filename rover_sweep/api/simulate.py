@@ -5,21 +5,17 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from rover_sweep.api.save import holds
+from rover_sweep.api.save import is_diagnosis, result_document, result_file
 from rover_sweep.data.recording import Array, Recording, data_frame, steered
 from rover_sweep.data.results import ShortTable, Shown, plain_number
 from rover_sweep.diagnosis.result import Diagnosis
 from rover_sweep.diagnosis.simulation.augmented import AugmentedModel
 from rover_sweep.errors import DataRefused, UsageError
-from rover_sweep.files.documents import read_json
 from rover_sweep.identification.model_results import ModelResult
-
-if TYPE_CHECKING:
-    from rover_sweep.diagnosis.simulation.experiment import Experiment
 
 UNITS = {"r": "rad/s", "ay": "m/s^2", "p": "rad/s", "vy": "m/s", "vydot": "m/s^2"}
 
@@ -118,14 +114,29 @@ def simulate(model: AugmentedModel | Diagnosis | ModelResult, run: Recording) ->
     if not isinstance(run, Recording):
         kind = type(run).__name__
         raise UsageError(f"the second argument ({kind}) is not a recorded run; give one of rs.read(...)")
-    experiment = _experiment(run, found)
     from rover_sweep.diagnosis.problem.residuals import centred
+    from rover_sweep.diagnosis.simulation.experiment import RATE
+    from rover_sweep.diagnosis.simulation.experiment import experiment as resampled
+    from rover_sweep.diagnosis.simulation.simulator import Sensors, motion, sensed
+    from rover_sweep.identification.verify import simulated_outputs
 
+    steering = found.steering if isinstance(found, AugmentedModel) else None
+    if "delta" not in run and "pwm" in run and steering:
+        run = steered(run, *steering)
+    for channel, what in (("delta", "steering angle"), ("speed", "speed")):
+        if channel not in run:
+            raise DataRefused(
+                f"{run.name} has no {what} to drive a model with; read it with its vehicle file"
+            )
+    experiment = resampled(run)
     if isinstance(found, AugmentedModel):
-        signals = _augmented(found, experiment)
-        name = found.name
+        name, structure = found.name, found.simulated
+        moved = motion(experiment, structure, found.x)
+        shown = sensed(experiment, structure, found.x, moved)
+        signals = Sensors.of(experiment).through(shown, moved["V"], structure, found.x)
     else:
-        signals, name = _linear(found, experiment, run), found.fit.structure.name
+        name, own = found.fit.structure.name, found.fit.structure
+        signals = simulated_outputs(own, experiment.mean_speed, experiment.steer, RATE, run.filters)
     return Simulation(run.name, name, experiment.begin + experiment.t, signals, centred(experiment))
 
 
@@ -137,56 +148,26 @@ def model_of(found: Diagnosis) -> AugmentedModel:
     return found.model
 
 
-def _experiment(run: Recording, model: Any) -> Experiment:
-    from rover_sweep.diagnosis.simulation.experiment import experiment
-
-    steering = getattr(model, "steering", None)
-    if "delta" not in run and "pwm" in run and steering:
-        run = steered(run, *steering)
-    for channel, what in (("delta", "steering angle"), ("speed", "speed")):
-        if channel not in run:
-            raise DataRefused(
-                f"{run.name} has no {what} to drive a model with; read it with its vehicle file"
-            )
-    return experiment(run)
-
-
-def _augmented(model: AugmentedModel, run: Experiment) -> dict[str, Array]:
-    from rover_sweep.diagnosis.simulation.simulator import Sensors, motion, sensed
-
-    moved = motion(run, model.simulated, model.x)
-    shown = sensed(run, model.simulated, model.x, moved)
-    return Sensors.of(run).through(shown, moved["V"], model.simulated, model.x)
-
-
-def _linear(model: ModelResult, run: Experiment, recording: Recording) -> dict[str, Array]:
-    from rover_sweep.diagnosis.simulation.experiment import RATE
-    from rover_sweep.identification.verify import simulated_outputs as linear
-
-    return linear(model.fit.structure, run.mean_speed, run.steer, RATE, recording.filters)
-
-
 # Export of a diagnosis: the linear part of its model, or the whole model as a simulated rover.
 
 
 def diagnosis_file(place: Path) -> Path | None:
     """The diagnosis file given by a file or a folder (itself or its report/); None for anything else."""
-    if place.is_file():
-        return place if _is_diagnosis(place) else None
-    for folder in (place, place / "report"):
-        if (folder / "diagnosis.json").is_file():
-            return folder / "diagnosis.json"
-    return None
+    path = result_file(place, "diagnosis.json")
+    if path != place or path is None:
+        return path
+    try:
+        return path if is_diagnosis(result_document(path)) else None
+    except UsageError:
+        return None
 
 
 def read_augmented_model(path: Path) -> tuple[AugmentedModel, str]:
     """(model, verdict) of a diagnosis.json or a saved diagnosis; UsageError if it has no model."""
     from rover_sweep.api.diagnose import load_diagnosis
 
-    kept = model_of
-
     found = load_diagnosis(path)
-    return kept(found), found.verdict
+    return model_of(found), found.verdict
 
 
 def exported(path: Path, name: str | None, speed: float | None) -> dict[str, Any]:
@@ -197,12 +178,3 @@ def exported(path: Path, name: str | None, speed: float | None) -> dict[str, Any
     if name not in (None, model.name):
         raise UsageError(f"{path} has only the model {model.name!r}; remove --model {name}")
     return exported_augmented(model, verdict, speed)
-
-
-def _is_diagnosis(path: Path) -> bool:
-    try:
-        document = read_json(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        return False
-    report = isinstance(document, dict) and document.get("format") == "rover-sweep diagnosis"
-    return report or holds(document, "FullDiagnosis")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import mmap
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, fields
 from os import fspath
 from pathlib import Path
@@ -13,6 +14,7 @@ from typing import Any
 from firmware_params.param_files import parse
 from rover_sweep.api.gains import steering_gains
 from rover_sweep.api.read import Location
+from rover_sweep.api.save import result_file
 from rover_sweep.data.recording import ThrottleRun, data_frame
 from rover_sweep.data.results import ByName, Quantity, ShortTable, Shown, ends_words, plain_number
 from rover_sweep.errors import DataRefused, RoverSweepError, UsageError
@@ -44,7 +46,16 @@ def throttle_sweeps(sources: Sequence[str]) -> tuple[ThrottleRun, ...]:
 
     Only a .BIN holds them. DataRefused for a damaged log, or for sweeps without a recorded speed.
     """
-    return tuple(run for path in _logs(sources) if _mentions(path) for run in _runs_of(path))
+    from rover_sweep.logs.applet import throttle_runs
+    from rover_sweep.logs.read import read_logs
+
+    found: list[ThrottleRun] = []
+    for path in (path for path in _logs(sources) if _mentions(path)):
+        try:
+            found += [run for log in read_logs(str(path)) for run in throttle_runs(log)]
+        except OSError as error:
+            raise DataRefused(f"{path.name} cannot be read: {error}") from None
+    return tuple(found)
 
 
 def write_speed(result: SpeedResult, folder: Path) -> Path:
@@ -52,14 +63,6 @@ def write_speed(result: SpeedResult, folder: Path) -> Path:
     folder.mkdir(parents=True, exist_ok=True)
     text = json.dumps(speed_document(result), indent=2, allow_nan=False)
     return write_file(folder / SPEED_FILE, text + "\n")
-
-
-def speed_file(place: Path) -> Path | None:
-    """The speed.json that a place (file or folder of results) stands for; None without one."""
-    if place.is_file():
-        return place if place.name == SPEED_FILE else None
-    folders = (place, place / "report")
-    return next((f / SPEED_FILE for f in folders if (f / SPEED_FILE).is_file()), None)
 
 
 def speed_gains(path: Path, current: Mapping[str, float], current_from: str) -> SpeedProposal:
@@ -112,16 +115,6 @@ def _mentions(path: Path) -> bool:
         return False
     with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
         return data.find(b"SWET") >= 0
-
-
-def _runs_of(path: Path) -> list[ThrottleRun]:
-    from rover_sweep.logs.applet import throttle_runs
-    from rover_sweep.logs.read import read_logs
-
-    try:
-        return [run for log in read_logs(str(path)) for run in throttle_runs(log)]
-    except OSError as error:
-        raise DataRefused(f"{path.name} cannot be read: {error}") from None
 
 
 # The response of the speed to the throttle in Python: identify, inspect, draw, report.
@@ -251,22 +244,13 @@ def write_speed_report(findings: SpeedFindings, folder: Path) -> SpeedFiles:
 
 def speed_findings(result: SpeedResult, folder: Path) -> SpeedFindings:
     """The result with the gains that it supports, beside the results of the steering in `folder`."""
-    parameters = result.runs[0].parameters
-    proposal = proposed_speed(speed_document(result), parameters, "the parameters of the runs")
-    steered = (folder / "report.html").is_file()
-    return SpeedFindings(result, proposal, _limits(folder, parameters), parameters, steered)
-
-
-def _limits(folder: Path, parameters: Mapping[str, float]) -> SteeringLimits | None:
-    """From an identification in the folder; None without one that supports gains."""
-    if not (folder / "identification.json").is_file():
-        return None
-    try:
-        return steering_limits(
-            steering_gains(folder, None, None, parameters, "the parameters of the runs", None)
-        )
-    except RoverSweepError:
-        return None
+    parameters, origin = result.runs[0].parameters, "the parameters of the runs"
+    limits = None
+    if (folder / "identification.json").is_file():
+        with suppress(RoverSweepError):  # one that supports no gains
+            limits = steering_limits(steering_gains(folder, None, None, parameters, origin, None))
+    proposal = proposed_speed(speed_document(result), parameters, origin)
+    return SpeedFindings(result, proposal, limits, parameters, (folder / "report.html").is_file())
 
 
 # Gains of the steering and of the speed from one folder of results.
@@ -336,7 +320,8 @@ def all_gains(
 
     half_width [m]: of the corridor about the legs of a 90 degree corner.
     """
-    path = speed_file(place)
+    path = result_file(place, SPEED_FILE)
+    path = path if path is not None and path.name == SPEED_FILE else None
     loop = speed_gains(path, current, current_from) if path else None
     known = {**(loop.found.parameters if loop else {}), **current}
     alone = path is not None and not any((path.parent / each).is_file() for each in _STEERED)

@@ -35,11 +35,6 @@ from rover_sweep.season.season_result import FittedLog, MeasuredLog, as_document
 KINDS = (".bin", ".tlog")
 
 
-def is_url(source: str) -> bool:
-    """True for a URL that fsspec opens, such as s3://bucket/log.BIN."""
-    return "://" in source
-
-
 def log_sources(given: Sequence[str]) -> tuple[str, ...]:
     """All logs, each once, in order of their names: files as given, and those of folders and URLs with `*`.
 
@@ -48,16 +43,16 @@ def log_sources(given: Sequence[str]) -> tuple[str, ...]:
     """
     found: dict[str, None] = {}
     for source in given:
-        for name in _of_url(source) if is_url(source) else _of_path(source):
-            found[name] = None
+        path = Path(source).expanduser()
+        if "://" in source:  # a URL that fsspec opens, such as s3://bucket/log.BIN
+            names = _of_url(source)
+        elif path.is_dir():
+            inside = [str(p) for p in sorted(path.rglob("*")) if p.suffix.lower() in KINDS]
+            names = _without_pairs(source, inside)
+        else:
+            names = [str(path)]
+        found |= dict.fromkeys(names)
     return tuple(sorted(found))
-
-
-def _of_path(source: str) -> list[str]:
-    path = Path(source).expanduser()
-    if not path.is_dir():
-        return [str(path)]
-    return _without_pairs(source, [str(p) for p in sorted(path.rglob("*")) if p.suffix.lower() in KINDS])
 
 
 def _of_url(source: str) -> list[str]:
@@ -83,7 +78,7 @@ def _without_pairs(source: str, names: Sequence[str]) -> list[str]:
 def content_key(source: str) -> str:
     """A hash that changes with the contents: a file's sha256, what fsspec knows of a URL; "" for none."""
     try:
-        if is_url(source):
+        if "://" in source:
             fs, path = _opened(source)
             return str(fs.ukey(path))
         with open(source, "rb") as file:
@@ -95,7 +90,7 @@ def content_key(source: str) -> str:
 @contextmanager
 def local_file(source: str) -> Iterator[Path]:
     """The log as a local file; of a URL a copy that is removed again. DataRefused where it cannot be read."""
-    if not is_url(source):
+    if "://" not in source:
         yield Path(source)
         return
     with tempfile.TemporaryDirectory(prefix="rover-sweep-") as folder:
@@ -128,18 +123,14 @@ def _opened(source: str) -> tuple[Any, str]:
 RETRIES = 3  # by Dask, of a log whose worker failed
 
 
-def default_workers() -> int:
-    """One for each processor that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
 @contextmanager
 def workers(count: int | None, scheduler: str | None) -> Iterator[Executor]:
     """An executor. scheduler: address of a Dask cluster, None for `count` local processes."""
     if scheduler is None:
         os.environ.setdefault("OMP_NUM_THREADS", "1")  # of the processes that start now
         context = multiprocessing.get_context("spawn")  # as on every platform, and no copied locks
-        processes = count or default_workers()
+        usable = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
+        processes = count or usable or 1
         with ProcessPoolExecutor(processes, context, end_with_parent) as pool:
             yield pool
         return

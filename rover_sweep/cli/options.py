@@ -172,57 +172,46 @@ POSITIVE = NumberRange(0, min_open=True)
 
 
 class NumbersType(click.ParamType):
-    """Positive numbers joined by commas, e.g. 5,8,12,18,27."""
+    """Positive numbers below a limit, separated by commas or blanks, e.g. 5,8,12,18,27."""
 
-    name = "N,N,..."
+    def __init__(self, what: str = "numbers", unit: str = "", below: float = math.inf) -> None:
+        self.what, self.unit, self.below = what, unit, below
+        self.name = f"{unit.upper() or 'N'},{unit.upper() or 'N'},..."
 
     def convert(
         self, value: object, param: click.Parameter | None, ctx: click.Context | None
     ) -> tuple[float, ...]:
         """The numbers."""
+        if isinstance(value, tuple):
+            return value
+        unit = f" in {self.unit}" if self.unit else ""
         try:
-            numbers = tuple(float(part) for part in str(value).split(","))
+            numbers = tuple(float(part) for part in re.split(r"[,\s]+", str(value).strip()))
         except ValueError:
-            self.fail(f"{value!r} is not a list of numbers such as 5,8,12", param, ctx)
-        if not all(0 < n < math.inf for n in numbers):
-            self.fail(f"{value!r}: every number must be positive and finite", param, ctx)
+            self.fail(f"{value!r} is not a list of {self.what}{unit} such as 47.5,47.3,47.6", param, ctx)
+        if not all(0 < n < self.below for n in numbers):
+            most = f" and below {self.below:g}" if math.isfinite(self.below) else " and finite"
+            self.fail(f"{value!r}: every number must be positive{most}{unit}", param, ctx)
         return numbers
 
 
-class ChoicesType(click.ParamType):
-    """Names joined by commas out of a fixed set."""
+class NamesType(click.ParamType):
+    """Names joined by commas, of `allowed` if there are any; else the command checks that they exist."""
 
-    name = "NAME,NAME,..."
-
-    def __init__(self, allowed: tuple[str, ...]) -> None:
-        self.allowed = allowed
+    def __init__(self, name: str = "NAME,NAME,...", allowed: tuple[str, ...] = ()) -> None:
+        self.name, self.allowed = name, allowed
 
     def convert(
         self, value: object, param: click.Parameter | None, ctx: click.Context | None
     ) -> tuple[str, ...]:
         """The names, in the order given, each once."""
-        names = tuple(dict.fromkeys(part.strip() for part in str(value).split(",")))
-        wrong = [n for n in names if n not in self.allowed]
-        if wrong:
-            self.fail(f"there is no {wrong[0]!r}; choose from {', '.join(self.allowed)}", param, ctx)
-        return names
-
-
-class NamesType(click.ParamType):
-    """Names joined by commas; the command checks that they exist."""
-
-    def __init__(self, name: str) -> None:
-        self.name = name
-
-    def convert(
-        self, value: object, param: click.Parameter | None, ctx: click.Context | None
-    ) -> tuple[str, ...]:
-        """The names, in the order given."""
         if isinstance(value, tuple):
             return value
-        names = tuple(part.strip() for part in str(value).split(",") if part.strip())
+        names = tuple(dict.fromkeys(part.strip() for part in str(value).split(",") if part.strip()))
         if not names:
             self.fail(f"{value!r} contains no name; give a name or remove the option", param, ctx)
+        if wrong := [n for n in names if self.allowed and n not in self.allowed]:
+            self.fail(f"there is no {wrong[0]!r}; choose from {', '.join(self.allowed)}", param, ctx)
         return names
 
 
@@ -316,26 +305,6 @@ class MeasuredType(click.ParamType):
                 f"{value!r}: the uncertainty must be between 0 and the number, in {self.unit}", param, ctx
             )
         return Measured(numbers[0], numbers[1] if len(numbers) == 2 else None)
-
-
-class TimesType(click.ParamType):
-    """Times in s, separated by commas or blanks."""
-
-    name = "S,S,.."
-
-    def convert(
-        self, value: object, param: click.Parameter | None, ctx: click.Context | None
-    ) -> tuple[float, ...]:
-        """The times; a usage error if one is not a positive number."""
-        if isinstance(value, tuple):
-            return value
-        try:
-            times = tuple(float(part) for part in re.split(r"[,\s]+", str(value).strip()))
-        except ValueError:
-            self.fail(f"{value!r} is not a list of times in s such as 47.5,47.3,47.6", param, ctx)
-        if not all(0 < time < 3600 for time in times):
-            self.fail(f"{value!r}: every time must be between 0 and 3600 s", param, ctx)
-        return times
 
 
 # Text output of a command: to stdout for `-`, else into a file in an existing folder.

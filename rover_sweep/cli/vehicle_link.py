@@ -6,8 +6,9 @@ import sys
 import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
@@ -61,21 +62,31 @@ def _warn(sentence: str) -> None:
 
 _URL = "tcp:HOST:PORT, udp:HOST:PORT (listen), or /dev/ttyACM0,115200."
 CONNECT, MAYBE_CONNECT = option(_URL, None, "URL", required=True), option(_URL, None, "URL")
+VIA = option(
+    "Library that talks to the rover; the result is the same.",
+    click.Choice(["mavlink", "mavsdk"]),
+    default="mavlink",
+)
 JSON_ALONE = option("Print JSON on stdout, and nothing else there.", flag="--json")
 
 
-def via_option(meaning: str) -> Any:
-    """--via, the library that talks to the vehicle; meaning: the help text."""
-    return option(meaning, click.Choice(["mavlink", "mavsdk"]), default="mavlink")
+@dataclass(frozen=True)
+class LinkOptions:
+    """The rover at --connect, for commands that read or set it without driving."""
+
+    connect: str = CONNECT
+    access: Access = ACCESS
+
+    @contextmanager
+    def link(self) -> Iterator[Link]:
+        """A link whose recording is deleted at the end."""
+        from rover_sweep.vehicle.link.link import Link
+
+        with (
+            tempfile.TemporaryDirectory() as folder,
+            Link.open(self.connect, Path(folder) / "unkept.tlog", access=self.access) as link,
+        ):
+            yield link
 
 
-@contextmanager
-def unkept_link(url: str, access: Access) -> Iterator[Link]:
-    """A link whose recording is deleted at the end; not for driving."""
-    from rover_sweep.vehicle.link.link import Link
-
-    with (
-        tempfile.TemporaryDirectory() as folder,
-        Link.open(url, Path(folder) / "unkept.tlog", access=access) as link,
-    ):
-        yield link
+LINK = gathered(LinkOptions)

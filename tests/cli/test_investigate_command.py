@@ -53,7 +53,7 @@ def short(run: PlannedRun) -> Manoeuvre:
 
 @pytest.fixture(autouse=True)
 def quick(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    monkeypatch.setattr("rover_sweep.diagnosis.plans.planner.manoeuvre_for", short)
+    monkeypatch.setattr("rover_sweep.cli.driving.investigating.manoeuvre_for", short)
     monkeypatch.setattr(
         investigation, "diagnosed", lambda *_: Diagnosis("refused", "made up", "roll-yaw"), raising=True
     )

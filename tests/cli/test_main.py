@@ -221,7 +221,7 @@ def test_an_input_is_not_written_over(tmp_path: Path, capsys: pytest.CaptureFixt
 def test_ctrl_c_while_the_report_is_written_loses_no_diagnosis(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    from rover_sweep.report.diagnosis import report as report_folder
+    from rover_sweep.cli.driving import shown_results as report_folder
 
     def interrupted(*given: Any) -> Any:
         os.kill(os.getpid(), signal.SIGINT)

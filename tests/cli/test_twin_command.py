@@ -122,12 +122,10 @@ def test_serve_without_the_firmware_says_how(run_program, tmp_path):
 
 @pytest.mark.slow
 def test_diagnose_drives_a_simulator_and_compares(run_program, drawn, tmp_path, monkeypatch):
-    from rover_sweep.api import diagnosis_input
-
     path, vehicle = drawn
     model = baseline_model(rs.read(str(path), vehicle=vehicle))
     found = Diagnosis("none", "no effect is missing", "roll-yaw", model=model)
-    monkeypatch.setattr(diagnosis_input, "diagnosed", lambda *ignored: found)
+    monkeypatch.setattr(shown_results, "diagnosed", lambda *ignored: found)
     variant = tmp_path / "mine.toml"
     variant.write_text('base = "nominal"\nfriction = 1.5\nyaw_inertia = 0.09\nroll_stiffness = 14.5\n')
     out = tmp_path / "report"

@@ -154,7 +154,7 @@ def test_what_is_not_supported_writes_no_file(
         (["{folder}", "--speed", "-2.5"], "'--speed': -2.5 is not in the range 0.1<=x<=50"),
         (["{folder}", "--now", "missing.param"], "missing.param cannot be read"),
         (["{folder}", "--now", "a.param", "--connect", "udp:x"], "give only one of them"),
-        ([str(DATA / "rover.toml")], "cannot be read as an identification"),
+        ([str(DATA / "rover.toml")], "cannot be read as results of rover-sweep"),
         (["{folder}", "--out", "no/such/gains.param"], "there is no folder"),
     ],
 )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -11,6 +10,7 @@ from typing import TYPE_CHECKING
 import click
 
 from rover_sweep.cli.options import FOLDER, argument, check_writable, option, options
+from rover_sweep.cli.views.asking import long_work
 from rover_sweep.cli.views.output import echo_json, narration, results
 from rover_sweep.errors import UsageError
 
@@ -83,27 +83,14 @@ def batch(
 
 @contextmanager
 def _progress(what: str, count: int) -> Iterator[Progress]:
-    """A bar with an estimate on a terminal; a line each tenth elsewhere."""
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-
-    console = narration()
-    started = time.monotonic()
-    with Progress(
-        TextColumn("{task.description}", markup=False),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeRemainingColumn(elapsed_when_finished=True),
-        console=console,
-        transient=True,
-    ) as bar:
-        task = bar.add_task(f"{what}s", total=count)
+    """A bar with an estimate on a terminal; a line now and then elsewhere."""
+    with long_work(f"{count} {what}s") as work:
 
         def show(done: int, left: int) -> None:
             if not done and left < count:
-                console.print(f"{count - left} of {count} {what}s were done before")
-            bar.update(task, completed=done, total=left)
-            if not console.is_terminal and done and (done == left or done % max(1, left // 10) == 0):
-                rest = (time.monotonic() - started) / done * (left - done)
-                click.echo(f"{done} of {left} {what}s done, about {rest:.0f} s left", err=True)
+                narration().print(f"{count - left} of {count} {what}s were done before")
+            work(done / max(left, 1), f"{done} of {left}")
+            if done and done == left:
+                narration().print(f"{done} of {left} {what}s done")
 
         yield show

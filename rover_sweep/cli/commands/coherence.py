@@ -5,19 +5,16 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from dataclasses import asdict
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
 from rover_sweep.cli.options import FILE, POSITIVE, READING, argument, option, options
-from rover_sweep.cli.views.output import echo_json
+from rover_sweep.cli.views.output import echo_json, print_table, results
 
 if TYPE_CHECKING:
     from rover_sweep.api.read import Reading
-    from rover_sweep.data.recording import Recording
     from rover_sweep.quality.verdict import CoherenceVerdict
-    from rover_sweep.report.document import Table
-    from rover_sweep.spectra.amplitude import AmplitudeProposal
 
 
 @click.command()
@@ -43,36 +40,23 @@ def coherence(
 
     rover = load(vehicle) if vehicle else None
     found = each_with_length(load_runs(runs, reading.columns, reading.filters, system=reading.system))
-    judged = [assess(run, None, rover, servo) for run in found]
-    if as_json:
-        echo_json(json.dumps([_as_json(*one) for one in zip(judged, found, strict=True)], indent=2))
+    judged = [(run, assess(run, None, rover, servo)) for run in found]
+    if not as_json:
+        for run, verdict in judged:
+            _show(verdict, [note.text for note in run.notes if note.level == "warning"])
         return
-    for verdict, run in zip(judged, found, strict=True):
-        show_coherence(verdict, [note.text for note in run.notes if note.level == "warning"])
+    document = [asdict(verdict) | {"keep": verdict.keep} for _, verdict in judged]
+    for entry, (run, verdict) in zip(document, judged, strict=True):
+        entry["notes"] = [asdict(note) for note in run.notes]
+        bands = [{k: x for k, x in asdict(b).items() if x != float("inf")} for b in verdict.next.bands]
+        names = ("amplitude", "w_max", "sentence")
+        entry["next"] = {**{name: getattr(verdict.next, name) for name in names}, "bands": bands}
+    echo_json(json.dumps(document, indent=2))
 
 
-def _as_json(verdict: CoherenceVerdict, run: Recording) -> dict[str, Any]:
-    proposal = verdict.next
-    return asdict(verdict) | {
-        "keep": verdict.keep,
-        "notes": [asdict(note) for note in run.notes],
-        "next": {
-            "amplitude": proposal.amplitude,
-            "w_max": proposal.w_max,
-            "sentence": proposal.sentence,
-            "bands": [
-                {k: x for k, x in asdict(band).items() if x != float("inf")} for band in proposal.bands
-            ],
-        },
-    }
-
-
-def show_coherence(verdict: CoherenceVerdict, warnings: Sequence[str] = ()) -> None:
+def _show(verdict: CoherenceVerdict, warnings: Sequence[str]) -> None:
     """Print one run: verdict, warnings on the recording, a row per response, the next amplitude."""
     from rich.text import Text
-
-    from rover_sweep.cli.views.output import results
-    from rover_sweep.report.on_terminal import rich_table
 
     console = results()
     sentence = (verdict.sentence, "green" if verdict.keep else "yellow")
@@ -80,33 +64,18 @@ def show_coherence(verdict: CoherenceVerdict, warnings: Sequence[str] = ()) -> N
     for warning in warnings:
         console.print(f"warning: {warning}", style="yellow", soft_wrap=True)
     if verdict.outputs:
-        console.print(rich_table(_band_table(verdict), titled=False))
+        rows = []
+        for o in verdict.outputs:
+            band = f"{o.band[0]:.2g} - {o.band[1]:.3g}" if o.band else "none"
+            rows.append((o.output, band, f"{100 * o.covered:.0f} %", f"{o.lowest:.2f} at {o.lowest_at:.2g}"))
+        print_table(console, ("response", "usable band, rad/s", "range at >= 0.6", "lowest coherence"), rows)
     if verdict.next.bands:
-        words = f"next amplitude: {verdict.next.sentence}"
-        console.print(words, soft_wrap=True)
-        console.print(rich_table(_amplitude_table(verdict.amplitude_unit, verdict.next), titled=False))
-
-
-def _band_table(verdict: CoherenceVerdict) -> Table:
-    from rover_sweep.report.document import Cell, Table
-
-    rows = []
-    for o in verdict.outputs:
-        band = f"{o.band[0]:.2g} - {o.band[1]:.3g}" if o.band else "none"
-        texts = (o.output, band, f"{100 * o.covered:.0f} %", f"{o.lowest:.2f} at {o.lowest_at:.2g}")
-        rows.append(tuple(map(Cell, texts)))
-    headings = ("response", "usable band, rad/s", "range at >= 0.6", "lowest coherence")
-    return Table("Responses", headings, tuple(rows))
-
-
-def _amplitude_table(unit: str, proposal: AmplitudeProposal) -> Table:
-    from rover_sweep.report.document import Cell, Table
-
-    form = ".0f" if unit == "us" else ".2g"
-    rows = []
-    for b in proposal.bands:
-        amplitude = f"{'>= ' if b.drowned else ''}{b.amplitude:{form}}"
-        texts = (f"{b.low:.2g} - {b.high:.3g}", b.response, f"{b.coherence:.2f}", amplitude)
-        rows.append(tuple(map(Cell, (*texts, f"{b.reached:.2f}", b.cap))))
-    headings = ("rad/s", "needed by", "coherence", f"amplitude, {unit}", "expected then", "limited by")
-    return Table("Next amplitude", headings, tuple(rows), text_columns=(0, 1, 5))
+        console.print(f"next amplitude: {verdict.next.sentence}", soft_wrap=True)
+        unit = verdict.amplitude_unit
+        needs = []
+        for b in verdict.next.bands:
+            amplitude = f"{'>= ' if b.drowned else ''}{b.amplitude:{'.0f' if unit == 'us' else '.2g'}}"
+            texts = (f"{b.low:.2g} - {b.high:.3g}", b.response, f"{b.coherence:.2f}", amplitude)
+            needs.append((*texts, f"{b.reached:.2f}", b.cap))
+        headings = ("rad/s", "needed by", "coherence", f"amplitude, {unit}", "expected then", "limited by")
+        print_table(console, headings, needs, text_columns=(0, 1, 5))

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
-from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -211,11 +209,11 @@ def correct(call: TwinCall = TWIN) -> None:
     """
     from rover_sweep.api.diagnosis_input import material
     from rover_sweep.api.read import load_steered
+    from rover_sweep.cli.driving.shown_results import made_now
     from rover_sweep.cli.views.asking import Interruption
     from rover_sweep.data.vehicle_file import load
     from rover_sweep.report.comparison.report import twin_report, write_twin
     from rover_sweep.report.on_terminal import WIDTH, on_terminal
-    from rover_sweep.report.wording import provenance
 
     out = Path(call.out)
     check_writable(out)
@@ -230,8 +228,7 @@ def correct(call: TwinCall = TWIN) -> None:
     words = "stopping with the corrections so far; press Ctrl-C again to quit without a report"
     with Interruption(lambda: console.print(words, style="yellow")) as asked:
         found = _twin(call, vehicle, rover, measured, given, asked.to_stop)
-    command = " ".join(["rover-sweep", *sys.argv[1:]])
-    origin = provenance(vehicle, path, given.held_out, command, datetime.now().astimezone())
+    origin = made_now((vehicle, path), given.held_out)
     page = write_twin(found, out, origin)
     shown.print(on_terminal(twin_report(found, origin)), width=min(shown.width, WIDTH))
     shown.print(f"\nreport: {page}", soft_wrap=True)

@@ -3,21 +3,18 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import click
 
 from rover_sweep.cli.options import OUTPUT, argument, option, options, write_text
-from rover_sweep.cli.vehicle_link import ACCESS, CONNECT, unkept_link
+from rover_sweep.cli.vehicle_link import LINK, LinkOptions
 from rover_sweep.cli.views.asking import confirmed, reboot_consent
+from rover_sweep.cli.views.output import narration, print_table, results
 from rover_sweep.errors import UsageError
 
 if TYPE_CHECKING:
-    from firmware_params.param_files import WantedParameter
-    from rover_sweep.report.document import Table
-    from rover_sweep.vehicle.link.connection import Access
-    from rover_sweep.vehicle.setup import Survey, SurveyedParameter
+    from rover_sweep.vehicle.setup import Survey
 
 NAMES = ("identification", "raw_imu")
 _NAME = argument(type=click.Choice(NAMES), default=NAMES[0])
@@ -48,15 +45,16 @@ def params(name: str = _NAME, output: str = OUTPUT) -> None:
 
 @firmware.command(short_help="Check a rover's applet and parameters; changes nothing.")
 @options
-def check(name: str = _NAME, connect: str = CONNECT, access: Access = ACCESS) -> int:
+def check(name: str = _NAME, rover: LinkOptions = LINK) -> int:
     """Compare a rover's parameters and applet with the required ones. Changes nothing.
 
     Exit code 0 if everything matches, 1 if not.
     """
+    from firmware_params.param_files import read, shipped
     from rover_sweep.vehicle.setup import survey
 
-    with unkept_link(connect, access) as link:
-        found = survey(link, _wanted(name))
+    with rover.link() as link:
+        found = survey(link, read(shipped(name)))
     _show(found)
     return 0 if found.fits else 1
 
@@ -64,10 +62,7 @@ def check(name: str = _NAME, connect: str = CONNECT, access: Access = ACCESS) ->
 @firmware.command(short_help="Install applet and parameters on a rover, after asking.")
 @options
 def install(
-    name: str = _NAME,
-    connect: str = CONNECT,
-    access: Access = ACCESS,
-    yes: bool = option("Do not ask, not even before a reboot."),
+    name: str = _NAME, rover: LinkOptions = LINK, yes: bool = option("Do not ask, not even before a reboot.")
 ) -> int:
     """Install the applet (by MAVLink FTP) and the parameters on a rover.
 
@@ -75,15 +70,15 @@ def install(
     0 if everything matches afterwards, 1 if not.
     """
     from firmware_params.applet_parameters import applet_path
+    from firmware_params.param_files import read, shipped
     from rover_sweep.cli.views.display import PlainDisplay
-    from rover_sweep.cli.views.output import narration
     from rover_sweep.vehicle.setup import install as bring
     from rover_sweep.vehicle.setup import survey
 
     if not yes and not sys.stdin.isatty():
         raise UsageError("cannot ask, stdin is not a terminal; give --yes to install without questions")
-    wanted = _wanted(name)
-    with unkept_link(connect, access) as link:
+    wanted = read(shipped(name))
+    with rover.link() as link:
         found = survey(link, wanted)
         _show(found, whole=False)
         if found.fits:
@@ -99,40 +94,24 @@ def install(
     return 0 if found.fits else 1
 
 
-def _wanted(name: str) -> tuple[WantedParameter, ...]:
-    from firmware_params.param_files import read, shipped
-
-    return read(shipped(name))
-
-
 def _show(found: Survey, whole: bool = True) -> None:
     """Print all parameters (or those that differ), the state of the applet and the verdict on stdout."""
     from rich.text import Text
 
-    from rover_sweep.cli.views.output import results
-    from rover_sweep.report.on_terminal import rich_table
+    from rover_sweep.report.document import Cell
 
-    console = results()
-    if rows := [p for p in found.parameters if whole or not p.fits]:
-        console.print(rich_table(_table(rows), titled=False))
+    console, rows = results(), []
+    for p in (p for p in found.parameters if whole or not p.fits):
+        has = "-" if p.found is None else f"{p.found:.7g}"
+        wanted = f"{'>= ' if p.wanted.at_least else ''}{p.wanted.value:.7g}"
+        verdict = Cell("fits") if p.fits else Cell("missing" if p.found is None else "differs", "warn")
+        reboot = "yes" if p.wanted.needs_reboot else ""
+        rows.append((p.wanted.name, wanted, has, verdict, reboot, p.wanted.reason))
+    if rows:
+        print_table(console, ("parameter", "wanted", "found", "", "reboot", "why"), rows, (0, 3, 4, 5))
     console.print(Text(found.applet.sentence, "" if found.applet.fits else "yellow"))
     wrong = sum(not p.fits for p in found.parameters)
     if found.fits:
         console.print(f"{found.vehicle.firmware} has everything needed", style="green")
     elif wrong:
         console.print(f"{wrong} of {len(found.parameters)} parameters do not match", style="yellow")
-
-
-def _table(found: Sequence[SurveyedParameter]) -> Table:
-    from rover_sweep.report.document import Cell, Table
-
-    rows = []
-    for p in found:
-        has = "-" if p.found is None else f"{p.found:.7g}"
-        wanted = f"{'>= ' if p.wanted.at_least else ''}{p.wanted.value:.7g}"
-        missing = "missing" if p.found is None else "differs"
-        verdict = Cell("fits") if p.fits else Cell(missing, "warn")
-        others = map(Cell, ("yes" if p.wanted.needs_reboot else "", p.wanted.reason))
-        rows.append((Cell(p.wanted.name), Cell(wanted), Cell(has), verdict, *others))
-    headings = ("parameter", "wanted", "found", "", "reboot", "why")
-    return Table("Parameters", headings, tuple(rows), text_columns=(0, 3, 4, 5))

@@ -17,7 +17,7 @@ from rover_sweep.cli.options import (
     refuse_input,
     refuse_no_folder,
 )
-from rover_sweep.cli.vehicle_link import ACCESS
+from rover_sweep.cli.vehicle_link import ACCESS, LinkOptions
 from rover_sweep.errors import LinkError, UsageError
 
 if TYPE_CHECKING:
@@ -143,7 +143,6 @@ def _current_parameters(now: str | None, url: str | None, access: Access) -> Map
 
 def _parameters_over(url: str, access: Access) -> dict[str, float]:
     """The parameters of steering and speed read from a vehicle; nothing is written to it."""
-    from rover_sweep.cli.vehicle_link import unkept_link
     from rover_sweep.gains.speed_chain import SPEED_DEFAULTS
     from rover_sweep.gains.steering_chain import DEFAULTS, SERVO_DEFAULTS, SERVO_OUTPUTS
     from rover_sweep.vehicle.parameters import read_present
@@ -153,7 +152,7 @@ def _parameters_over(url: str, access: Access) -> dict[str, float]:
         | set(SPEED_DEFAULTS)
         | {f"SERVO{n}_{key}" for n in range(1, SERVO_OUTPUTS + 1) for key in ("FUNCTION", *SERVO_DEFAULTS)}
     )
-    with unkept_link(url, access) as link:
+    with LinkOptions(url, access).link() as link:
         found = read_present(link, names)
     if "ATC_STR_RAT_FF" not in found:
         raise LinkError(f"{url} has no ATC_STR_RAT_FF: is it a rover?")

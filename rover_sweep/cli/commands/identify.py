@@ -18,8 +18,8 @@ from rover_sweep.cli.options import (
     REPORT,
     VEHICLE,
     BandType,
-    ChoicesType,
     Grouped,
+    NamesType,
     NumbersType,
     argument,
     check_report_folder,
@@ -53,9 +53,11 @@ def identify(
     verify: tuple[str, ...] = option(
         "Run for verification only, such as a doublet; may be repeated.", metavar="RUN", multiple=True
     ),
-    models: tuple[str, ...] = option("Models to identify.", ChoicesType(MODELS), default=",".join(MODELS)),
+    models: tuple[str, ...] = option(
+        "Models to identify.", NamesType(allowed=MODELS), default=",".join(MODELS)
+    ),
     fit: tuple[str, ...] = option(
-        "Responses used in the fit; all four are reported.", ChoicesType(OUTPUTS), default="r,ay,p"
+        "Responses used in the fit; all four are reported.", NamesType(allowed=OUTPUTS), default="r,ay,p"
     ),
     structure: tuple[str, ...] = option(
         "Additional model structure of your own (TOML); may be repeated.", FILE, multiple=True

@@ -21,7 +21,7 @@ from rover_sweep.bench.swing_test import (
     remarks,
     rounded,
 )
-from rover_sweep.cli.options import FILE, MeasuredType, NumberRange, TimesType, option, options
+from rover_sweep.cli.options import FILE, MeasuredType, NumberRange, NumbersType, option, options
 from rover_sweep.cli.views.display import bullet
 from rover_sweep.cli.views.output import echo, echo_json
 from rover_sweep.data.plausibility import ROLL_GYRATION, YAW_GYRATION
@@ -30,6 +30,7 @@ from rover_sweep.errors import DataRefused, UsageError
 
 MASS = MeasuredType(0.05, 5000, "kg", "give kilograms")
 GYRATION = {"yaw": YAW_GYRATION, "roll": ROLL_GYRATION}
+TIMES = NumbersType("times", "s", 3600)
 LENGTH = MeasuredType(0.05, 20, "m", "give metres")
 
 _AXIS = option(
@@ -49,18 +50,16 @@ def inertia(
     length: Measured = _LENGTH,
     spacing: Measured = _SPACING,
     times: tuple[float, ...] = option(
-        "Times of the twisting swing, each for --swings swings.", TimesType(), required=True
+        "Times of the twisting swing, each for --swings swings.", TIMES, required=True
     ),
     swings: int = option("Full periods in each time.", click.IntRange(1), default=1),
-    check_times: tuple[float, ...] | None = option(
-        "Times of the swing in the plane of the wires.", TimesType()
-    ),
+    check_times: tuple[float, ...] | None = option("Times of the swing in the plane of the wires.", TIMES),
     check_swings: int | None = option(
         "Full periods in each check time. [default: --swings]", click.IntRange(1)
     ),
     rig_mass: Measured | None = _RIG_MASS,
     rig_times: tuple[float, ...] | None = option(
-        "Times of the rig without the rover, each for --swings swings.", TimesType()
+        "Times of the rig without the rover, each for --swings swings.", TIMES
     ),
     timer_sd: float = option(
         "Standard deviation of one time, s; 0.2 by hand.", NumberRange(0, 5), default=0.2

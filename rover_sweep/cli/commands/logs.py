@@ -19,15 +19,13 @@ from rover_sweep.cli.options import (
     options,
     refuse_input,
 )
-from rover_sweep.cli.vehicle_link import ACCESS, CONNECT, JSON_ALONE, unkept_link, via_option
+from rover_sweep.cli.vehicle_link import JSON_ALONE, LINK, VIA, LinkOptions
+from rover_sweep.cli.views.output import echo, echo_json, results
 from rover_sweep.errors import UsageError
 
 if TYPE_CHECKING:
     from rover_sweep.api.read import Reading
-    from rover_sweep.vehicle.link.connection import Access
-    from rover_sweep.vehicle.logs import FetchedFile, LogEntry, Via
-
-_VIA = via_option("Library used for the download; the result is the same.")
+    from rover_sweep.vehicle.logs import FetchedFile, Via
 
 
 @click.group()
@@ -37,34 +35,33 @@ def logs() -> None:
 
 @logs.command("list", short_help="List the logs on the SD card.")
 @options
-def list_(
-    connect: str = CONNECT, access: Access = ACCESS, as_json: bool = JSON_ALONE, via: Via = _VIA
-) -> None:
+def list_(rover: LinkOptions = LINK, as_json: bool = JSON_ALONE, via: Via = VIA) -> None:
     """List the logs on the SD card, oldest first."""
-    from rover_sweep.cli.views.output import echo_json, results
     from rover_sweep.vehicle.logs import log_source
 
-    with unkept_link(connect, access) as link:
+    with rover.link() as link:
         entries = log_source(link, via).logs()
     if as_json:
-        echo_json(json.dumps({"logs": [_log_document(e) for e in entries]}, indent=2))
+        documents = [{"number": e.number, "size": e.size, "time_utc": e.time_utc} for e in entries]
+        echo_json(json.dumps({"logs": documents}, indent=2))
         return
     console = results()
     if not entries:
         console.print("no log on the card")
     for entry in entries:
-        console.print(f"{entry.number:5}  {entry.size / 1e6:9.2f} MB  {_when(entry)}")
+        began = datetime.fromtimestamp(entry.time_utc, UTC).strftime("%Y-%m-%d %H:%M:%S UTC")
+        when = began if entry.time_utc else "-"  # began before GPS time was available
+        console.print(f"{entry.number:5}  {entry.size / 1e6:9.2f} MB  {when}")
 
 
 @logs.command(short_help="Download logs: a number, latest or all.")
 @options
 def fetch(
     which: str = argument("[NUMBER|latest|all]", default="latest"),
-    connect: str = CONNECT,
-    access: Access = ACCESS,
+    rover: LinkOptions = LINK,
     out: str = option("Folder to save into. [default: here]", FOLDER, default="."),
     as_json: bool = JSON_ALONE,
-    via: Via = _VIA,
+    via: Via = VIA,
 ) -> None:
     """Download logs as log<NUMBER>.BIN; a log that is already here is not downloaded again.
 
@@ -72,13 +69,12 @@ def fetch(
     download. An interrupted download continues where it stopped. The size and, if the autopilot has MAVLink
     FTP, the checksum are compared with the file on the card. The rover must be disarmed.
     """
-    from rover_sweep.cli.views.output import echo, echo_json, results
     from rover_sweep.vehicle.logs import FetchedFile, chosen_logs, log_source, settled
     from rover_sweep.vehicle.logs import fetch as bring
 
     console, fetched = results(as_json), list[FetchedFile]()
     check_writable(Path(out))
-    with unkept_link(connect, access) as link:
+    with rover.link() as link:
         source = log_source(link, via)
         last = -1
         for event in bring(link, source, chosen_logs(settled(link, source), which), Path(out)):
@@ -110,19 +106,6 @@ def _file_document(f: FetchedFile) -> dict[str, object]:
     return document | {"checked": f.checked, "sha256": digest}
 
 
-def _log_document(entry: LogEntry) -> dict[str, object]:
-    return {"number": entry.number, "size": entry.size, "time_utc": entry.time_utc}
-
-
-def _when(entry: LogEntry) -> str:
-    """Start time in UTC; "-" for a log that began before GPS time was available."""
-    return (
-        datetime.fromtimestamp(entry.time_utc, UTC).strftime("%Y-%m-%d %H:%M:%S UTC")
-        if entry.time_utc
-        else "-"
-    )
-
-
 # `rover-sweep view`: a page that plots any channel of a log against another.
 
 
@@ -138,7 +121,6 @@ def view(
     The page needs no network and no other file.
     """
     from rover_sweep.cli.views.asking import long_work
-    from rover_sweep.cli.views.output import results
     from rover_sweep.files.replaced import write_file
     from rover_sweep.logs.read import read_logs
     from rover_sweep.report.view.log_page import log_page

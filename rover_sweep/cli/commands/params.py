@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -12,21 +12,19 @@ from typing import TYPE_CHECKING
 import click
 
 from rover_sweep.cli.options import SESSION, argument, option, options, refuse_no_folder, write_text
-from rover_sweep.cli.vehicle_link import ACCESS, CONNECT, JSON_ALONE, unkept_link, via_option
+from rover_sweep.cli.vehicle_link import JSON_ALONE, LINK, VIA, LinkOptions
 from rover_sweep.cli.views.asking import confirmed, reboot_consent
-from rover_sweep.cli.views.output import echo, echo_json
+from rover_sweep.cli.views.output import echo, echo_json, narration, print_table, results
 from rover_sweep.errors import UsageError
 
 if TYPE_CHECKING:
     from firmware_params.param_files import Difference, WantedParameter
     from rover_sweep.manoeuvre.sweep import Manoeuvre
-    from rover_sweep.report.document import Table, Tone
-    from rover_sweep.session.content import Content, DrivenRun
-    from rover_sweep.vehicle.link.connection import Access
+    from rover_sweep.report.document import Tone
+    from rover_sweep.session.content import DrivenRun
     from rover_sweep.vehicle.link.link import Link
     from rover_sweep.vehicle.logs import Via
 
-_VIA = via_option("Library used to read and write; the result is the same.")
 _FILE = argument("[FILE]", default="identification")
 _NOTES = Path()  # folder of reboot-pending.json: the current one
 
@@ -41,18 +39,12 @@ def params() -> None:
 
 @params.command(short_help="Show the differences; changes nothing.")
 @options
-def diff(
-    file: str = _FILE,
-    connect: str = CONNECT,
-    access: Access = ACCESS,
-    as_json: bool = JSON_ALONE,
-    via: Via = _VIA,
-) -> int:
+def diff(file: str = _FILE, rover: LinkOptions = LINK, as_json: bool = JSON_ALONE, via: Via = VIA) -> int:
     """Compare the rover with FILE. Changes nothing. Exit code 0 if nothing differs, 1 if something does."""
     from rover_sweep.vehicle.parameters import wanted_of
 
     wanted = wanted_of(file)
-    with unkept_link(connect, access) as link:
+    with rover.link() as link:
         found = _differences(link, wanted, via)
     if as_json:
         echo_json(json.dumps({"file": file, "differences": [_document(d) for d in found]}, indent=2))
@@ -65,11 +57,10 @@ def diff(
 @options
 def push(
     file: str = _FILE,
-    connect: str = CONNECT,
-    access: Access = ACCESS,
+    rover: LinkOptions = LINK,
     yes: bool = option("Do not ask, not even before a reboot."),
     as_json: bool = JSON_ALONE,
-    via: Via = _VIA,
+    via: Via = VIA,
 ) -> int:
     """Set the parameters that differ from FILE; every value is read back and compared.
 
@@ -79,7 +70,6 @@ def push(
     reboot is pending, else 1.
     """
     from rover_sweep.cli.views.display import PlainDisplay
-    from rover_sweep.cli.views.output import narration
     from rover_sweep.vehicle.events import ParameterSet
     from rover_sweep.vehicle.logs import parameter_source
     from rover_sweep.vehicle.parameters import wanted_of
@@ -89,7 +79,7 @@ def push(
     if not yes and not sys.stdin.isatty():
         raise UsageError("cannot ask, stdin is not a terminal; give --yes to set them without questions")
     wanted, was_set = wanted_of(file), list[ParameterSet]()
-    with unkept_link(connect, access) as link:
+    with rover.link() as link:
         found = _differences(link, wanted, via)
         _show(found, file, as_json)
         count = sum(d.found is not None for d in found)
@@ -114,10 +104,9 @@ def push(
 @options
 def pull(
     file: str = argument("[FILE]", default="-"),
-    connect: str = CONNECT,
-    access: Access = ACCESS,
+    rover: LinkOptions = LINK,
     as_json: bool = JSON_ALONE,
-    via: Via = _VIA,
+    via: Via = VIA,
 ) -> None:
     """Save all parameters of the rover to FILE (default: stdout), in the format of the ground stations."""
     from rover_sweep.vehicle.identity import identify_vehicle
@@ -127,21 +116,19 @@ def pull(
     refuse_no_folder(file)
     if file != "-" and Path(file).is_file():
         raise UsageError(f"{file} already exists; give another name")
-    with unkept_link(connect, access) as link:
+    with rover.link() as link:
         vehicle = identify_vehicle(link)
         await_booted(link, _wait)
         values = dict(sorted(parameter_source(link, via).read_all().items()))
     summary = f"{len(values)} parameters of {vehicle.firmware}"
     if file != "-" or not as_json:
-        write_text(file, "\n".join([f"# {summary} ({vehicle.git_hash})", *_lines(values), ""]), summary)
+        lines = [  # with enough digits to restore the same float32
+            f"{name} {value:.0f}" if value.is_integer() and abs(value) < 1e9 else f"{name} {value:.9g}"
+            for name, value in values.items()
+        ]
+        write_text(file, "\n".join([f"# {summary} ({vehicle.git_hash})", *lines, ""]), summary)
     if as_json:
         echo_json(json.dumps({"firmware": vehicle.firmware, "parameters": values}, indent=2))
-
-
-def _lines(values: dict[str, float]) -> Iterator[str]:
-    """Lines "NAME VALUE", with enough digits to restore the same float32."""
-    for name, value in values.items():
-        yield f"{name} {value:.0f}" if value.is_integer() and abs(value) < 1e9 else f"{name} {value:.9g}"
 
 
 def _differences(link: Link, wanted: Sequence[WantedParameter], via: Via) -> list[Difference]:
@@ -175,9 +162,6 @@ def _document(d: Difference) -> dict[str, object]:
 
 
 def _show(found: Sequence[Difference], file: str, as_json: bool = False) -> None:
-    from rover_sweep.cli.views.output import results
-    from rover_sweep.report.document import Cell, Table
-    from rover_sweep.report.on_terminal import rich_table
     from rover_sweep.vehicle.setup import needs_reboot
 
     console = results(as_json)
@@ -188,10 +172,8 @@ def _show(found: Sequence[Difference], file: str, as_json: bool = False) -> None
     for d in found:
         has = "-" if d.found is None else f"{d.found:.7g}"
         reboot = "yes" if needs_reboot(d.name, d.needs_reboot) else ""
-        rows.append(tuple(map(Cell, (d.name, has, f"{d.wanted:.7g}", reboot, d.reason))))
-    headings = ("parameter", "rover", "file", "reboot", "why")
-    table = Table("Parameters that differ", headings, tuple(rows), text_columns=(0, 3, 4))
-    console.print(rich_table(table, titled=False))
+        rows.append((d.name, has, f"{d.wanted:.7g}", reboot, d.reason))
+    print_table(console, ("parameter", "rover", "file", "reboot", "why"), rows, text_columns=(0, 3, 4))
     console.print(f"{len(found)} differ", style="yellow")
 
 
@@ -211,8 +193,7 @@ def status(
 
     Changes nothing; the session may be running.
     """
-    from rover_sweep.cli.views.output import results
-    from rover_sweep.report.on_terminal import rich_table
+    from rover_sweep.report.document import Cell
     from rover_sweep.session.content import to_json
     from rover_sweep.session.folder import is_session, read_folder
 
@@ -227,22 +208,15 @@ def status(
     firmware = content.vehicle.get("firmware", "an unknown rover")
     console.print(f"{folder}: {firmware}, {len(content.runs)} runs, {len(content.logs)} logs")
     if content.runs:
-        console.print(rich_table(_table(content), titled=False))
+        rows = []
+        for run in content.runs:
+            log = next((log.file for log in content.logs if run.label in log.runs), "-")
+            state = Cell(run.state, _STATES[run.state])
+            rows.append((run.label, _describe(run.manoeuvre), state, log, _verdict(run)))
+        print_table(console, ("run", "manoeuvre", "state", "log", "verdict"), rows, text_columns=5)
     left = ", ".join(f"{run.name} ({_describe(run.manoeuvre)})" for run in content.to_drive)
     remaining = f"still to drive: {left}" if left else "no runs remain"
     console.print(remaining, soft_wrap=True)
-
-
-def _table(content: Content) -> Table:
-    from rover_sweep.report.document import Cell, Table
-
-    rows = []
-    for run in content.runs:
-        held = next((log.file for log in content.logs if run.label in log.runs), "-")
-        state = Cell(run.state, _STATES[run.state])
-        others = map(Cell, (held, _verdict(run)))
-        rows.append((Cell(run.label), Cell(_describe(run.manoeuvre)), state, *others))
-    return Table("Runs", ("run", "manoeuvre", "state", "log", "verdict"), tuple(rows), text_columns=5)
 
 
 def _verdict(run: DrivenRun) -> str:

@@ -11,16 +11,14 @@ from typing import TYPE_CHECKING
 import click
 
 from rover_sweep.cli.options import FOLDER, POSITIVE, option, options
-from rover_sweep.cli.vehicle_link import ACCESS, CONNECT, JSON_ALONE, unkept_link
+from rover_sweep.cli.vehicle_link import JSON_ALONE, LINK, LinkOptions
 from rover_sweep.cli.views.asking import confirmed
-from rover_sweep.cli.views.output import echo_json
+from rover_sweep.cli.views.output import echo_json, narration, results
 from rover_sweep.errors import UsageError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from rover_sweep.vehicle.link.connection import Access
-    from rover_sweep.vehicle.link.link import Link
     from rover_sweep.vehicle.preflight.read_rover import Check
 
 _STYLES = {"good": "green", "doubtful": "yellow", "bad": "red", "unknown": "yellow"}
@@ -29,8 +27,7 @@ _STYLES = {"good": "green", "doubtful": "yellow", "bad": "red", "unknown": "yell
 @click.command()
 @options
 def preflight(
-    connect: str = CONNECT,
-    access: Access = ACCESS,
+    rover: LinkOptions = LINK,
     fix: tuple[str, ...] = option(
         "Fix this check, e.g. --fix parameters; may be repeated.", metavar="NAME", multiple=True
     ),
@@ -47,7 +44,8 @@ def preflight(
     Changes nothing, except with --fix, which asks first and checks again afterwards. Nothing moves or arms.
     Exit code 0 if no check is bad, else 1.
     """
-    from rover_sweep.vehicle.preflight.readiness import NAMES
+    from rover_sweep.cli.views.display import PlainDisplay
+    from rover_sweep.vehicle.preflight.readiness import NAMES, remedy
     from rover_sweep.vehicle.preflight.readiness import preflight as look
 
     for name in fix:
@@ -56,10 +54,16 @@ def preflight(
     if fix and not yes and not sys.stdin.isatty():
         raise UsageError("cannot ask, stdin is not a terminal; give --yes to fix without questions")
     folder = Path(out)
-    with unkept_link(connect, access) as link:
+    with rover.link() as link:
         checks = look(link, folder, w_max)
         for name in fix:
-            _fix(link, checks, name, folder, yes)
+            check = next((c for c in checks if c.name == name), None)
+            if check is None or check.remedy is None:
+                narration().print(f"{name}: nothing to fix")
+            elif check.remedy.by_hand or yes or confirmed(f"{name}: {check.remedy.words}?"):
+                display = PlainDisplay(narration(), talk=True)
+                for event in remedy(link, check, may_reboot=check.remedy.reboot, folder=folder):
+                    display.show(event)
             checks = look(link, folder, w_max)
     if as_json:
         echo_json(json.dumps({"checks": [asdict(check) for check in checks]}, indent=2))
@@ -68,28 +72,9 @@ def preflight(
     return 1 if any(check.state == "bad" for check in checks) else 0
 
 
-def _fix(link: Link, checks: Sequence[Check], name: str, folder: Path, yes: bool) -> None:
-    from rover_sweep.cli.views.display import PlainDisplay
-    from rover_sweep.cli.views.output import narration
-    from rover_sweep.vehicle.preflight.readiness import remedy
-
-    console = narration()
-    check = next((c for c in checks if c.name == name), None)
-    if check is None or check.remedy is None:
-        console.print(f"{name}: nothing to fix")
-        return
-    if not check.remedy.by_hand and not yes and not confirmed(f"{name}: {check.remedy.words}?"):
-        return
-    display = PlainDisplay(console, talk=True)
-    for event in remedy(link, check, may_reboot=check.remedy.reboot, folder=folder):
-        display.show(event)
-
-
 def _show(checks: Sequence[Check]) -> None:
     """Print one line per check; below one that is not good, its sentence and its remedy."""
     from rich.text import Text
-
-    from rover_sweep.cli.views.output import results
 
     console = results()
     for check in checks:

@@ -10,7 +10,7 @@ from typing import get_args
 import click
 
 from rover_sweep.cli.options import FILE, argument, option, options
-from rover_sweep.cli.views.output import echo, echo_json, results
+from rover_sweep.cli.views.output import echo, echo_json, print_table, results
 from rover_sweep.data.plausibility import implausible
 from rover_sweep.data.vehicle_file import Measured, Model, Vehicle, example, load
 from rover_sweep.data.vehicle_geometry import SIZED, geometry_of, with_uncertainties
@@ -65,9 +65,6 @@ def check(
 
 
 def _show(found: Vehicle, file: str) -> None:
-    from rover_sweep.report.document import Cell, Table
-    from rover_sweep.report.on_terminal import rich_table
-
     console, rows = results(), []
     for key, rule in KEYS.items():
         name = key.partition(".")[2]
@@ -78,9 +75,8 @@ def _show(found: Vehicle, file: str) -> None:
     rows.append(("wheelbase", f"{found.wheelbase:g}", "m", "", "a + b"))
     for axis, number in zip(("forward", "right", "down"), found.imu_position or (None,) * 3, strict=True):
         rows.append((f"imu {axis}", str(number or "-"), "m", _source(number), f"IMU {axis} of the sprung CG"))
-    title, headings = f"{file}: {found.name or 'no name'}", ("key", "value", "unit", "sd from", "meaning")
-    cells = tuple(tuple(map(Cell, row)) for row in rows)
-    console.print(rich_table(Table(title, headings, cells, text_columns=(0, 2, 3, 4))))
+    console.print(f"{file}: {found.name or 'no name'}", style="bold")
+    print_table(console, ("key", "value", "unit", "sd from", "meaning"), rows, text_columns=(0, 2, 3, 4))
     console.print()
     for model in get_args(Model):
         missing = found.missing_for(model)

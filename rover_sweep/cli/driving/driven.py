@@ -11,13 +11,13 @@ from pathlib import Path
 from firmware_params.param_files import read, shipped
 from rover_sweep.api.diagnosis_input import material
 from rover_sweep.cli.driving.session_display import complete_runs, identify_session, show_session
-from rover_sweep.cli.driving.shown_results import show_diagnosed
+from rover_sweep.cli.driving.shown_results import Rover, show_diagnosed
 from rover_sweep.cli.driving.simulated import folder_with_rover, truth_table
 from rover_sweep.cli.driving_options import Permissions, RunCall, SimulationOptions
 from rover_sweep.cli.options import session_folder, vehicle_path
 from rover_sweep.cli.views.display import PlainDisplay
 from rover_sweep.cli.views.output import narration
-from rover_sweep.data.vehicle_file import Vehicle, load
+from rover_sweep.data.vehicle_file import load
 from rover_sweep.diagnosis.result import DiagnosisSettings
 from rover_sweep.errors import UsageError
 from rover_sweep.files.replaced import numbered
@@ -38,7 +38,6 @@ from rover_sweep.vehicle.link.recorded_transport import RecordedLine, conversati
 from rover_sweep.vehicle.link.transport import parse_url
 from rover_sweep.vehicle.run.controls import RunSettings
 
-Rover = tuple[Vehicle, Path]
 _SWITCHING = {"override": "throws the switch", "aux": "throws the switch by command"}
 
 

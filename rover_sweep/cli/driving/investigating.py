@@ -6,7 +6,6 @@ import sys
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass, field, replace
-from datetime import datetime
 from pathlib import Path
 from typing import Any
 
@@ -23,9 +22,9 @@ from rover_sweep.api.investigation import (
     write_investigation,
 )
 from rover_sweep.api.read import Reading, load_steered
-from rover_sweep.cli.driving.driven import Rover, factory_rover, known_rover, rover_plan
+from rover_sweep.cli.driving.driven import factory_rover, known_rover, rover_plan
 from rover_sweep.cli.driving.session_display import show_session
-from rover_sweep.cli.driving.shown_results import diagnosis_of
+from rover_sweep.cli.driving.shown_results import Rover, diagnosis_of, made_now
 from rover_sweep.cli.driving.simulated import folder_with_rover
 from rover_sweep.cli.driving_options import Permissions, SimulationOptions
 from rover_sweep.cli.options import check_writable, session_folder
@@ -38,7 +37,7 @@ from rover_sweep.diagnosis.result import Diagnosis, DiagnosisSettings
 from rover_sweep.errors import UsageError
 from rover_sweep.report.diagnosis.report import diagnosis_report, write_diagnosis
 from rover_sweep.report.on_terminal import WIDTH, on_terminal
-from rover_sweep.report.wording import provenance, strict_json
+from rover_sweep.report.wording import strict_json
 from rover_sweep.session.content import SessionRun
 from rover_sweep.session.folder import is_session, read_folder
 from rover_sweep.session.session import SessionPlan, battery_left, drive
@@ -106,9 +105,8 @@ def _write_report(decisions: list[Decision], rover: Rover, out: Path, as_json: b
     last = next((d for d in reversed(decisions) if d.diagnosis and d.given), None)
     if last is None or last.diagnosis is None or last.given is None:
         return
-    command = " ".join(["rover-sweep", *sys.argv[1:]])
-    made = provenance(*rover, last.given.held_out, command, datetime.now().astimezone())
-    files = write_diagnosis(last.diagnosis, out / "report", last.given.origin(made, DiagnosisSettings()))
+    origin = last.given.origin(made_now(rover, last.given.held_out), DiagnosisSettings())
+    files = write_diagnosis(last.diagnosis, out / "report", origin)
     shown = results(as_json)
     shown.print(on_terminal(diagnosis_report(last.diagnosis)), width=min(shown.width, WIDTH))
     shown.print(f"\nreport: {files.page}", soft_wrap=True)

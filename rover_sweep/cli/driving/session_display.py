@@ -8,7 +8,7 @@ from pathlib import Path
 
 from rover_sweep.api.read import Reading, divided, load_steered, why_not_fitted
 from rover_sweep.api.speed import throttle_sweeps
-from rover_sweep.cli.driving.shown_results import add_steering, show_identified, show_speed
+from rover_sweep.cli.driving.shown_results import Rover, add_steering, show_identified, show_speed
 from rover_sweep.cli.views.asking import let_go_on_signals
 from rover_sweep.cli.views.display import PlainDisplay, display, interrupted_words
 from rover_sweep.cli.views.output import narration
@@ -132,7 +132,7 @@ def complete_runs(session: SessionFinished, vehicle: Vehicle) -> tuple[Recording
 
 def identify_session(
     session: SessionFinished,
-    rover: tuple[Vehicle, Path],
+    rover: Rover,
     as_json: bool,
     full: bool,
     more: Callable[[Identification], Table | None] | None = None,

@@ -2,34 +2,56 @@
 
 from __future__ import annotations
 
+import json
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from datetime import datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
 
 import click
+from rich.console import Console
 
+from rover_sweep.api.diagnose import compared
+from rover_sweep.api.diagnosis_input import Material, diagnosed
+from rover_sweep.api.identify import identified as identified_models
+from rover_sweep.api.speed import speed_findings, write_speed_report
+from rover_sweep.cli.views.asking import Interruption, long_work
+from rover_sweep.cli.views.output import echo_json, narration, print_warnings, results
+from rover_sweep.data.recording import Recording, ThrottleRun
+from rover_sweep.data.vehicle_file import Vehicle
+from rover_sweep.diagnosis.result import Diagnosis, DiagnosisSettings
 from rover_sweep.errors import DataRefused
+from rover_sweep.identification.grouping import Settings
+from rover_sweep.identification.identify_speed import SpeedResult, identify_speed
+from rover_sweep.identification.model_results import ModelResult
+from rover_sweep.identification.pipeline import Identification
+from rover_sweep.identification.state_space import ModelStructure
+from rover_sweep.report.comparison.report import comparison_report, write_comparison
+from rover_sweep.report.diagnosis.report import diagnosis_report, write_diagnosis
+from rover_sweep.report.document import Table
+from rover_sweep.report.identification.report import identification_report
+from rover_sweep.report.identification.sentences import first_numbers
+from rover_sweep.report.on_terminal import WIDTH, on_terminal
+from rover_sweep.report.speed.report import speed_report
+from rover_sweep.report.wording import SHOWN_UNITS, Provenance, provenance
 
-if TYPE_CHECKING:
-    from rover_sweep.api.diagnosis_input import Material
-    from rover_sweep.data.recording import Recording, ThrottleRun
-    from rover_sweep.data.vehicle_file import Vehicle
-    from rover_sweep.diagnosis.result import Diagnosis, DiagnosisSettings
-    from rover_sweep.identification.grouping import Settings
-    from rover_sweep.identification.identify_speed import SpeedResult
-    from rover_sweep.identification.model_results import ModelResult
-    from rover_sweep.identification.pipeline import Identification
-    from rover_sweep.identification.state_space import ModelStructure
-    from rover_sweep.report.document import Table
-    from rover_sweep.report.wording import Provenance
+Rover = tuple[Vehicle, Path]
+
+
+def own_command() -> str:
+    """The command line of this call, for the report."""
+    return " ".join(["rover-sweep", *sys.argv[1:]])
+
+
+def made_now(rover: Rover, held_out: Sequence[Recording]) -> Provenance:
+    """The origin of a result of this call."""
+    return provenance(*rover, held_out, own_command(), datetime.now().astimezone())
 
 
 def show_identified(
     sweeps: tuple[Recording, ...],
     checks: tuple[Recording, ...],
-    rover: tuple[Vehicle, Path],
+    rover: Rover,
     settings: Settings,
     out: Path,
     as_json: bool,
@@ -45,17 +67,8 @@ def show_identified(
     "SI" or "paper". as_json: identification.json on stdout, everything else on stderr. again: the runs and
     their vehicle file as arguments, for the next command.
     """
-    from rover_sweep.api.identify import identified as identified_models
-    from rover_sweep.cli.views.asking import long_work
-    from rover_sweep.cli.views.output import echo_json, narration, print_warnings, results
-    from rover_sweep.report.identification.report import identification_report
-    from rover_sweep.report.identification.sentences import first_numbers
-    from rover_sweep.report.on_terminal import on_terminal
-    from rover_sweep.report.wording import SHOWN_UNITS
-
     console, shown = narration(), results(as_json)
     print_warnings(console, (*sweeps, *checks))
-    command = " ".join(["rover-sweep", *sys.argv[1:]])
     with long_work(f"identifying from {len(sweeps)} run{'s' if len(sweeps) != 1 else ''}") as work:
 
         def show_first(models: Mapping[str, ModelResult]) -> None:
@@ -63,7 +76,7 @@ def show_identified(
                 work.tell(words)
 
         result = identified_models(
-            sweeps, checks, rover, settings, structures, command=command, fitted=show_first
+            sweeps, checks, rover, settings, structures, command=own_command(), fitted=show_first
         )
     table = more(result) if more else None
     document = identification_report(result, result.origin, SHOWN_UNITS[units], more=table)
@@ -91,7 +104,7 @@ CTRL_C = "finishing with the findings so far and their report; press Ctrl-C agai
 
 def show_diagnosed(
     given: Material,
-    rover: tuple[Vehicle, Path],
+    rover: Rover,
     settings: DiagnosisSettings,
     out: Path,
     as_json: bool,
@@ -103,28 +116,25 @@ def show_diagnosed(
     Simulated runs are compared with the recordings; drive: the simulation to drive for that. The comparison
     is then the answer, and the diagnosis is printed only with `full`, which also shows all tables.
     """
-    from rover_sweep.cli.views.asking import Interruption, long_work
-    from rover_sweep.cli.views.output import echo_json, narration, print_warnings, results
-    from rover_sweep.report.diagnosis.report import diagnosis_report, write_diagnosis
-    from rover_sweep.report.on_terminal import WIDTH, on_terminal
-    from rover_sweep.report.wording import provenance
-
     console, shown = narration(), results(as_json)
     print_warnings(console, (*given.runs, *given.held_out))
-    command = " ".join(["rover-sweep", *sys.argv[1:]])
-    origin = given.origin(provenance(*rover, given.held_out, command, datetime.now().astimezone()), settings)
+    origin = given.origin(made_now(rover, given.held_out), settings)
     with Interruption(lambda: console.print(CTRL_C, style="yellow")) as asked:
         found = diagnosis_of(given, rover[0], settings, asked.to_stop)
         comparing = bool(given.simulated or drive) and found.model is not None
         if full or not comparing or asked.to_stop():
             shown.print(on_terminal(diagnosis_report(found), full), width=min(shown.width, WIDTH))
-        with long_work("writing the report") as report:
-            files = write_diagnosis(found, out, origin, report)
+        with long_work("writing the report") as progress:
+            files = write_diagnosis(found, out, origin, progress)
     interrupted = asked.to_stop()
     document = files.document.read_text(encoding="utf-8")
     if comparing and not interrupted:
-        compared = show_compared(given, found, origin.provenance, out, drive, settings.seed, shown)
-        document = with_comparison(document, compared) if as_json else document
+        page = show_compared(given, found, origin.provenance, out, drive, settings.seed, shown)
+        if as_json:  # diagnosis.json with the comparison under a key of its own
+            comparison = json.loads(page.with_suffix(".json").read_text(encoding="utf-8"))
+            document = json.dumps(
+                json.loads(document) | {"comparison": comparison}, indent=1, ensure_ascii=False
+            )
         shown.print(f"diagnosis of the recordings alone: {files.page}, or here with --full", soft_wrap=True)
     else:
         if not full:
@@ -152,9 +162,6 @@ def diagnosis_of(
     what: str = "diagnosing",
 ) -> Diagnosis:
     """The diagnosis, with its progress on stderr; with the findings so far once a stop is asked for."""
-    from rover_sweep.api.diagnosis_input import diagnosed
-    from rover_sweep.cli.views.asking import long_work
-
     with long_work(what) as report:
         return diagnosed(given, vehicle, settings, lambda what, share: report(share, what), stop)
 
@@ -162,33 +169,20 @@ def diagnosis_of(
 def show_compared(
     given: Material,
     found: Diagnosis,
-    provenance: Provenance,
+    made: Provenance,
     out: Path,
     drive: Drive | None,
     seed: int,
-    shown: Any,
+    shown: Console,
 ) -> Path:
-    """Compare, write comparison.html and .json, print the summary; the path of comparison.json."""
-    from rover_sweep.api.diagnose import compared
-    from rover_sweep.report.comparison.report import comparison_report, write_comparison
-    from rover_sweep.report.on_terminal import WIDTH, on_terminal
-
+    """Compare, write comparison.html and .json, print the summary; the path of the page."""
     simulated, laws = drive(found) if drive else (given.simulated, None)
     answer = compared(given.runs, given.held_out, simulated, found, laws, seed).answer
-    page = write_comparison(answer, out, provenance)
+    page = write_comparison(answer, out, made)
     shown.print("")
-    shown.print(on_terminal(comparison_report(answer, provenance)), width=min(shown.width, WIDTH))
+    shown.print(on_terminal(comparison_report(answer, made)), width=min(shown.width, WIDTH))
     shown.print(f"\ncomparison: {page}", soft_wrap=True)
-    return page.with_suffix(".json")
-
-
-def with_comparison(document: str, compared: Path) -> str:
-    """diagnosis.json with the comparison under the key `comparison`."""
-    import json
-
-    whole = json.loads(document)
-    whole["comparison"] = json.loads(compared.read_text(encoding="utf-8"))
-    return json.dumps(whole, indent=1, ensure_ascii=False)
+    return page
 
 
 # Identify the response of the speed from throttle sweeps, print the answer, write the report.
@@ -199,12 +193,6 @@ def show_speed(sweeps: Sequence[ThrottleRun], out: Path, as_json: bool, alone: b
 
     as_json: everything on stderr. alone: there are no other runs, so with as_json speed.json goes to stdout.
     """
-    from rover_sweep.api.speed import speed_findings, write_speed_report
-    from rover_sweep.cli.views.output import echo_json, results
-    from rover_sweep.identification.identify_speed import identify_speed
-    from rover_sweep.report.on_terminal import on_terminal
-    from rover_sweep.report.speed.report import speed_report
-
     shown = results(as_json)
     result = identify_speed(sweeps)
     findings = speed_findings(result, out)
@@ -218,7 +206,5 @@ def show_speed(sweeps: Sequence[ThrottleRun], out: Path, as_json: bool, alone: b
 
 def add_steering(result: SpeedResult | None, out: Path) -> None:
     """Write speed.html again, with the limits that follow from the steering's results in `out`."""
-    from rover_sweep.api.speed import speed_findings, write_speed_report
-
     if result is not None:
         write_speed_report(speed_findings(result, out), out)

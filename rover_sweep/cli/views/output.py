@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import codecs
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING
 
 import click
@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from rover_sweep.data.recording import Recording
+    from rover_sweep.report.document import Cell
 
 _LONGEST = 6000  # characters of an error; a damaged file may quote a megabyte of itself
 PLAIN_WIDTH = 120  # columns when not in a terminal
@@ -52,6 +53,20 @@ def print_warnings(console: Console, runs: Sequence[Recording]) -> None:
 
     for text in grouped_warnings(runs):
         console.print(f"warning: {text}", style="yellow", soft_wrap=True)
+
+
+def print_table(
+    console: Console,
+    headings: tuple[str, ...],
+    rows: Iterable[Sequence[str | Cell]],
+    text_columns: int | tuple[int, ...] = 1,
+) -> None:
+    """Print a table without a title. text_columns: as of `Table`."""
+    from rover_sweep.report.document import Cell, Table
+    from rover_sweep.report.on_terminal import rich_table
+
+    cells = tuple(tuple(c if isinstance(c, Cell) else Cell(c) for c in row) for row in rows)
+    console.print(rich_table(Table("", headings, cells, text_columns=text_columns), titled=False))
 
 
 def _console(stderr: bool) -> Console:
