@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -9,7 +11,7 @@ import click
 from click.core import ParameterSource
 
 from rover_sweep.cli.options import FILE, POSITIVE, NumberRange, option, options
-from rover_sweep.cli.views.output import echo
+from rover_sweep.cli.views.output import echo, echo_json
 
 if TYPE_CHECKING:
     from rover_sweep.manoeuvre.sweep import Manoeuvre
@@ -64,7 +66,7 @@ def design(
     \b
     rover-sweep design --wmin .3 --wmax 25 --trec 55 --amplitude 150 --speed 2.5 --vehicle rover.toml
     """
-    from rover_sweep.cli.views.design_summary import show_design, show_json
+    from rover_sweep.cli.views.design_summary import show_design
     from rover_sweep.data.vehicle_file import load
     from rover_sweep.design.advice import refuse_nonsense, with_advice
     from rover_sweep.design.demand import make_design
@@ -102,7 +104,7 @@ def design(
         draw_design(planned, rover, Path(plot))
         echo(f"picture written to {plot}", err=True)
     if as_json:
-        show_json(planned)
+        echo_json(json.dumps(asdict(planned), indent=2))  # units as in the docstrings of Design
     else:
         show_design(planned, rover)
         _say_assumed()

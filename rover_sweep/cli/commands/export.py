@@ -56,71 +56,65 @@ def export(
     and the input delay tau. The sensors' low-pass filters are listed separately: they are not part of the
     rover. The python file computes responses with numpy alone; its system() needs `pip install control`.
     """
+    from rover_sweep.api.simulate import diagnosis_file, exported, read_augmented_model
+    from rover_sweep.report.export import exported_model
+    from rover_sweep.report.export.plant_variant import variant_text
+
+    path, other = Path(place), (model, format, speed)
     for written in (output, python, fmu):
         if written not in ("-", None):
             refuse_input(str(written), place)
     if python is not None or fmu is not None:
-        other = (model, format, speed, plant or None, None if output == "-" else output)
-        _rover(Path(place), python, fmu, other)
+        from rover_sweep.cli.driving.simulated import rover_at, rover_fmu, rover_script
+
+        if any(given is not None for given in other) or plant or output != "-":
+            raise UsageError(
+                "--python and --fmu write the whole rover; remove --model, --format, --speed, --plant and -o"
+            )
+        rover = rover_at(path)
+        if python is not None:
+            _write(python, rover_script(rover, Path(python)), f"simulated rover of {rover.source}")
+        if fmu is not None:
+            _write(fmu, rover_fmu(rover, Path(fmu)), f"FMU of {rover.source}")
         return
+    found = diagnosis_file(path)
     if plant:
-        _plant(Path(place), (model, format, speed), output)
+        if any(given is not None for given in other):
+            raise UsageError("--plant always writes TOML for any speed; remove --model, --format and --speed")
+        if output != "-" and Path(output).suffix.lower() != ".toml":
+            raise UsageError(f"{output}: a simulated rover is a TOML file; give a name that ends in .toml")
+        if found is None:
+            raise UsageError(
+                f"{place} holds no diagnosis; give the --out folder of diagnose or its diagnosis.json"
+            )
+        diagnosed, _ = read_augmented_model(found)
+        _write(output, variant_text(diagnosed), f"{diagnosed.name} model as a simulated rover")
         return
-    found = _model(Path(place), model, speed)
-    content = _content(found, format or _by_suffix(output))
+    inside = path / "report"  # of the folder of a session
+    here = (path / "identification.json").is_file()
+    folder = inside if not here and (inside / "identification.json").is_file() else path
+    if found is not None and not (folder / "identification.json").is_file():
+        document = exported(found, model, speed)
+    elif path.is_file():
+        raise UsageError(f"{place} is not a diagnosis.json; for a model of `identify` give its report folder")
+    else:
+        document = _load(folder, model)
+        document = document if speed is None else _moved(document, speed)
+    match format or _by_suffix(output):
+        case "matlab":
+            content: str | bytes = exported_model.matlab_text(document)
+        case "python":
+            content = exported_model.python_text(document)
+        case "mat":
+            content = exported_model.mat_file(document)
+        case _:
+            content = exported_model.json_text(document)
     if isinstance(content, bytes) and output == "-":
         raise UsageError("a .mat file is binary and cannot go to stdout; give a file with -o FILE.mat")
-    _write(output, content, f"{found['model']} model at {found['speed_m_s']:.3g} m/s")
-    if output != "-" and found["verdict"] not in JUDGED_GOOD:
-        judged = "diagnosis" if found.get("augmented") else "fit"
-        echo(f"warning: the verdict of this {judged} is: {found['verdict']}", err=True)
-
-
-def _plant(place: Path, other: tuple[object, ...], output: str) -> None:
-    """Write the diagnosed model as a variant of the simulated rover (TOML)."""
-    from rover_sweep.api.simulate import diagnosis_file, read_augmented_model
-    from rover_sweep.report.export.plant_variant import variant_text
-
-    if any(option is not None for option in other):
-        raise UsageError("--plant always writes TOML for any speed; remove --model, --format and --speed")
-    if output != "-" and Path(output).suffix.lower() != ".toml":
-        raise UsageError(f"{output}: a simulated rover is a TOML file; give a name that ends in .toml")
-    found = diagnosis_file(place)
-    if found is None:
-        raise UsageError(
-            f"{place} holds no diagnosis; give the --out folder of diagnose or its diagnosis.json"
-        )
-    model, _ = read_augmented_model(found)
-    _write(output, variant_text(model), f"{model.name} model as a simulated rover")
-
-
-def _rover(place: Path, script: str | None, fmu: str | None, other: tuple[object, ...]) -> None:
-    """Write the simulated rover of a variant as a Python file, an FMU, or both."""
-    from rover_sweep.cli.driving.simulated import rover_at, rover_fmu, rover_script
-
-    if any(option is not None for option in other):
-        raise UsageError(
-            "--python and --fmu write the whole rover; remove --model, --format, --speed, --plant and -o"
-        )
-    rover = rover_at(place)
-    if script is not None:
-        _write(script, rover_script(rover, Path(script)), f"simulated rover of {rover.source}")
-    if fmu is not None:
-        _write(fmu, rover_fmu(rover, Path(fmu)), f"FMU of {rover.source}")
-
-
-def _model(place: Path, name: str | None, speed: float | None) -> dict[str, Any]:
-    """The identified model of a report, else the linear part of a diagnosed one."""
-    from rover_sweep.api.simulate import diagnosis_file, exported
-
-    folder = _report(place)
-    found = diagnosis_file(place)
-    if found is not None and not (folder / "identification.json").is_file():
-        return exported(found, name, speed)
-    if place.is_file():
-        raise UsageError(f"{place} is not a diagnosis.json; for a model of `identify` give its report folder")
-    model = _load(folder, name)
-    return model if speed is None else _moved(model, speed)
+    _write(output, content, f"{document['model']} model at {document['speed_m_s']:.3g} m/s")
+    if output != "-" and document["verdict"] not in JUDGED_GOOD:
+        judged = "diagnosis" if document.get("augmented") else "fit"
+        echo(f"warning: the verdict of this {judged} is: {document['verdict']}", err=True)
 
 
 def _write(output: str, content: str | bytes, what: str) -> None:
@@ -143,26 +137,6 @@ def _by_suffix(output: str) -> str:
             f"{output}: no format is known for {ending}; give --format, or use .json, .m, .mat or .py"
         )
     return FORMATS.get(suffix, "json")
-
-
-def _content(model: dict[str, Any], form: str) -> str | bytes:
-    from rover_sweep.report.export import exported_model as source_text
-
-    match form:
-        case "matlab":
-            return source_text.matlab_text(model)
-        case "python":
-            return source_text.python_text(model)
-        case "mat":
-            return source_text.mat_file(model)
-    return source_text.json_text(model)
-
-
-def _report(directory: Path) -> Path:
-    """The folder itself, or its subfolder report/ if the identification is there."""
-    inside = directory / "report"
-    here = (directory / "identification.json").is_file()
-    return inside if not here and (inside / "identification.json").is_file() else directory
 
 
 def _load(directory: Path, name: str | None) -> dict[str, Any]:

@@ -33,6 +33,7 @@ GYRATION = {"yaw": YAW_GYRATION, "roll": ROLL_GYRATION}
 TIMES = NumbersType("times", "s", 3600)
 LENGTH = MeasuredType(0.05, 20, "m", "give metres")
 
+
 _AXIS = option(
     "Axis of the rover that is vertical in the test.", click.Choice(["yaw", "roll"]), default="yaw"
 )
@@ -82,7 +83,11 @@ def inertia(
     """
     file = vehicle or write
     rover = load(file) if file else None
-    hung = _mass(axis, mass, rover)
+    hung = mass or (rover.mass if rover and axis == "yaw" else None)
+    if hung is None:
+        yaw = "give it, or a --vehicle file that has the mass"
+        roll = "give the mass on the wires, preferably the chassis without wheels and axles"
+        raise click.UsageError(f"--mass is missing; {yaw if axis == 'yaw' else roll}")
     if (rig_mass is None) != (rig_times is None):
         raise click.UsageError("--rig-mass and --rig-times go together")
     rig_period = Swings(rig_times, swings, timer_sd).period if rig_times else None
@@ -104,28 +109,15 @@ def inertia(
     else:
         _print(axis, test, result, check, notes, len(times), swings)
     if write:
-        faults = _faults(check, gyration)
+        faults = [f"g is {check.percent:+.1f} % off"] if check is not None and not check.passed else []
+        faults += [gyration] if gyration else []
         if faults and not force:
             raise DataRefused(
                 f"not written into {write}: {'; '.join(faults)}; repeat the test, or use --force"
             )
         set_number(write, KEY[axis], rounded(result.moment))
-        echo(
-            f"{KEY[axis].partition('.')[2]} = {rounded(result.moment)} kg m^2 written into {write}", err=True
-        )
-
-
-def _mass(axis: Axis, mass: Measured | None, rover: Vehicle | None) -> Measured:
-    if mass is not None:
-        return mass
-    if axis == "roll":
-        raise click.UsageError(
-            "--mass is missing: for the roll axis give the mass on the wires, "
-            "preferably the chassis without wheels and axles"
-        )
-    if rover is None:
-        raise click.UsageError("--mass is missing; give it, or a --vehicle file that has the mass")
-    return rover.mass
+        key = KEY[axis].partition(".")[2]
+        echo(f"{key} = {rounded(result.moment)} kg m^2 written into {write}", err=True)
 
 
 def _against(axis: Axis, hung: Measured, rover: Vehicle | None) -> list[str]:
@@ -160,13 +152,6 @@ def _gyration(axis: Axis, result: Inertia, rover: Vehicle | None) -> str:
         f"{rover.wheelbase:.3g} m (plausible: {low:g} to {high:g}); check the units, the number of "
         "swings, and that --times and --check-times are not swapped"
     )
-
-
-def _faults(check: GravityCheck | None, gyration: str) -> list[str]:
-    """The failed checks of a test, as sentences; empty if all passed."""
-    failed = check is not None and not check.passed
-    words = f"g is {check.percent:+.1f} % off" if check is not None and failed else ""
-    return [fault for fault in (words, gyration) if fault]
 
 
 def _print(
