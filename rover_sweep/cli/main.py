@@ -6,6 +6,7 @@ Progress and errors go to stderr, results to stdout. Exit codes: 0 done, 1 a che
 
 from __future__ import annotations
 
+import difflib
 import errno
 import importlib
 import io
@@ -95,20 +96,15 @@ class LazyGroup(click.Group):
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
         if args and args[0] not in COMMANDS and not args[0].startswith("-"):
-            raise click.UsageError(_no_such_command(args[0]), ctx)
+            near = difflib.get_close_matches(args[0], COMMANDS, 1)
+            meant = f"; did you mean {near[0]}?" if near else ""
+            raise click.UsageError(f"there is no command {args[0]!r}{meant}", ctx)
         return super().resolve_command(ctx, args)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         for section, commands in SECTIONS.items():
             with formatter.section(section):
                 formatter.write_dl(list(commands.items()))
-
-
-def _no_such_command(name: str) -> str:
-    import difflib
-
-    near = difflib.get_close_matches(name, COMMANDS, 1)
-    return f"there is no command {name!r}" + (f"; did you mean {near[0]}?" if near else "")
 
 
 @click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})
@@ -139,7 +135,9 @@ def run(arguments: Sequence[str] | None = None) -> int:
         error.show()
         return 2
     except click.ClickException as error:
-        print_error(f"{error.format_message()}{_see_help(error)}")
+        context = error.ctx if isinstance(error, click.UsageError) else None
+        help_words = f" (see {context.command_path} --help)" if context else ""
+        print_error(f"{error.format_message()}{help_words}")
         return error.exit_code
     except (click.Abort, KeyboardInterrupt) as error:
         print_error("interrupted", getattr(error, "__notes__", ()))
@@ -163,8 +161,3 @@ def run(arguments: Sequence[str] | None = None) -> int:
 def _to_nowhere() -> None:
     """Standard output goes nowhere from here on: what is still in its buffer would fail again at the end."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-
-
-def _see_help(error: click.ClickException) -> str:
-    context = error.ctx if isinstance(error, click.UsageError) else None
-    return f" (see {context.command_path} --help)" if context else ""

@@ -18,7 +18,7 @@ from rover_sweep.errors import RoverSweepError, UsageError
 
 if TYPE_CHECKING:
     from rover_sweep.bench.bench_folder import BenchFolder, BenchResult
-    from rover_sweep.bench.drive import BenchPlan, WheelSource
+    from rover_sweep.bench.drive import BenchPlan
     from rover_sweep.data.vehicle_file import Measured
     from rover_sweep.vehicle.link.connection import Access
 
@@ -73,7 +73,10 @@ def bench(
     rover-sweep bench --from bench --vehicle rover.toml --wheel-imu wheel.csv
     """
     from rover_sweep.bench.bench_folder import BenchFolder, write_bench_numbers
+    from rover_sweep.bench.drive import BenchPlan, WheelSource, programme
+    from rover_sweep.bench.evaluate import evaluate
     from rover_sweep.data.vehicle_file import load
+    from rover_sweep.vehicle.link.transport import parse_url
 
     path = Path(vehicle_path(vehicle))
     load(path)
@@ -81,41 +84,31 @@ def bench(
         raise click.UsageError(
             "give either --connect URL to measure a rover, or --from DIR to evaluate a recorded bench test"
         )
+    given, whole = None, True
     if recorded is not None:
-        folder, whole = BenchFolder(Path(recorded)), True
+        folder, given = BenchFolder(Path(recorded)), Path(wheel_imu) if wheel_imu else None
     else:
         assert connect is not None
         if hand == (wheel_imu is not None):
             raise click.UsageError("choose how to measure the wheel angle: --hand or --wheel-imu FILE or URL")
-        plan = _plan(steps, hand, ramp, _wheel(wheel_imu, wheel_clock), yes)
+        wheel = None
+        if wheel_imu and wheel_imu.startswith(("tcp:", "udp", "/dev/")):
+            parse_url(wheel_imu)
+            wheel = WheelSource(url=wheel_imu)
+        elif wheel_imu:
+            wheel = WheelSource(file=Path(wheel_imu), same_clock=wheel_clock == "vehicle")
+        if not yes and not sys.stdin.isatty():
+            raise UsageError(
+                "bench asks before each movement, but stdin is not a terminal; run it in a terminal"
+            )
+        plan = BenchPlan(programme(steps, hand, ramp), wheel, yes)
         folder = BenchFolder(session_folder(out, "bench", ("bench.json", "readings.csv")))
         whole = _driven(connect, access, folder, plan)
-    given = Path(wheel_imu) if recorded is not None and wheel_imu else None
-    result = _evaluated(folder, path, given, wheel_clock, whole)
+    if not whole:
+        echo("not all movements were carried out; evaluating the recorded ones", err=True)
+    result = evaluate(folder, load(path), given, None if wheel_clock is None else wheel_clock == "vehicle")
     written = {} if no_write else write_bench_numbers(path, result)
     (_print_json if as_json else _print)(result, written, folder, path)
-
-
-def _wheel(text: str | None, clock: str | None) -> WheelSource | None:
-    from rover_sweep.bench.drive import WheelSource
-    from rover_sweep.vehicle.link.transport import parse_url
-
-    if text is None:
-        return None
-    if text.startswith(("tcp:", "udp", "/dev/")):
-        parse_url(text)
-        return WheelSource(url=text)
-    return WheelSource(file=Path(text), same_clock=clock == "vehicle")
-
-
-def _plan(
-    steps: tuple[float, ...], hand: bool, ramp: bool, wheel: WheelSource | None, unasked: bool
-) -> BenchPlan:
-    from rover_sweep.bench.drive import BenchPlan, programme
-
-    if not unasked and not sys.stdin.isatty():
-        raise UsageError("bench asks before each movement, but stdin is not a terminal; run it in a terminal")
-    return BenchPlan(programme(steps, hand, ramp), wheel, unasked)
 
 
 def _driven(url: str, access: Access, folder: BenchFolder, plan: BenchPlan) -> bool:
@@ -137,17 +130,6 @@ def _driven(url: str, access: Access, folder: BenchFolder, plan: BenchPlan) -> b
             err=True,
         )
         raise
-
-
-def _evaluated(
-    folder: BenchFolder, vehicle: Path, wheel: Path | None, clock: str | None, whole: bool
-) -> BenchResult:
-    from rover_sweep.bench.evaluate import evaluate
-    from rover_sweep.data.vehicle_file import load
-
-    if not whole:
-        echo("not all movements were carried out; evaluating the recorded ones", err=True)
-    return evaluate(folder, load(vehicle), wheel, None if clock is None else clock == "vehicle")
 
 
 def _print(result: BenchResult, written: dict[str, Measured], folder: BenchFolder, path: Path) -> None:

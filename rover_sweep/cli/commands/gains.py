@@ -83,6 +83,7 @@ def gains(
     Nothing is changed on a vehicle. Load the file with a ground station, and test it first with the wheels
     off the ground; load undo-gains.param to undo it.
     """
+    from rover_sweep.api.gains import recorded_parameters
     from rover_sweep.api.speed import all_gains
     from rover_sweep.cli.views.output import echo_json, narration, results
 
@@ -94,7 +95,10 @@ def gains(
     if out is not None:
         for written in (out, str(_undo_of(Path(out)))):
             refuse_input(written, place, now, vehicle)
-    current = _current_parameters(now, connect, access)
+    if now and connect:
+        raise UsageError("--now and --connect both give the current parameters; give only one of them")
+    current: Mapping[str, float] = recorded_parameters(Path(now)) if now else {}
+    current = _parameters_over(connect, access) if connect else current
     both = all_gains(Path(place), model, vehicle, current, now or connect or "the defaults", speed, corridor)
     if as_json:
         echo_json(json.dumps(both.document, indent=2))
@@ -130,15 +134,6 @@ def _check(
         echo_json(json.dumps(check_document(checked.steering, checked.speed), indent=2))
     else:
         results().print(on_terminal(check_report(checked.steering, checked.speed)))
-
-
-def _current_parameters(now: str | None, url: str | None, access: Access) -> Mapping[str, float]:
-    """The vehicle's current parameters, from a file or over a link; empty if neither is given."""
-    from rover_sweep.api.gains import recorded_parameters
-
-    if now and url:
-        raise UsageError("--now and --connect both give the current parameters; give only one of them")
-    return recorded_parameters(Path(now)) if now else _parameters_over(url, access) if url else {}
 
 
 def _parameters_over(url: str, access: Access) -> dict[str, float]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shlex
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -149,24 +150,19 @@ def _of_throttle(
     runs: tuple[str, ...], out: Path, as_json: bool
 ) -> tuple[SpeedResult | None, tuple[str, ...]]:
     """Identify the speed from the throttle sweeps among the runs; the runs that are not of these alone."""
+    from rover_sweep.api.read import load_runs
     from rover_sweep.api.speed import throttle_sweeps
     from rover_sweep.cli.driving.shown_results import show_speed
 
     swept = throttle_sweeps(runs)
     if not swept:
         return None, runs
-    steered = tuple(run for run in runs if not throttle_sweeps((run,)) or _is_steered(run))
-    return show_speed(swept, out, as_json, alone=not steered), steered
-
-
-def _is_steered(source: str) -> bool:
-    """Whether a recording holds runs of the steering too."""
-    from rover_sweep.api.read import load_runs
-
-    try:
-        return bool(load_runs((source,), None, None))
-    except DataRefused:
-        return False
+    steered = []
+    for run in runs:  # those that hold runs of the steering too
+        with suppress(DataRefused):
+            if not throttle_sweeps((run,)) or load_runs((run,), None, None):
+                steered.append(run)
+    return show_speed(swept, out, as_json, alone=not steered), tuple(steered)
 
 
 def _swept(wmin: float | None, wmax: float | None) -> tuple[float, float] | None:

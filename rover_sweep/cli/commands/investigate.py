@@ -210,9 +210,12 @@ def plan(
     from rover_sweep.api.investigation import as_planned, merged, plan_runs
     from rover_sweep.api.read import load_steered, refuse_overlap
     from rover_sweep.cli.views.asking import long_work
-    from rover_sweep.cli.views.output import narration, print_warnings
+    from rover_sweep.cli.views.output import narration, print_warnings, results
     from rover_sweep.data.vehicle_file import load
     from rover_sweep.diagnosis.plans.planner import PlannedRun
+    from rover_sweep.report.diagnosis.report import plan_document, plan_report
+    from rover_sweep.report.on_terminal import WIDTH, on_terminal
+    from rover_sweep.report.wording import strict_json
 
     wanted = effects_named(want)
     rover = load(Path(vehicle_path(vehicle, have)))
@@ -226,15 +229,6 @@ def plan(
     )
     with long_work("computing which effects these runs separate") as report:
         found = plan_runs(runs, rover, wanted, driven, lambda what, share: report(share, what))
-    _show(found, as_json)
-
-
-def _show(found: Any, as_json: bool) -> None:
-    from rover_sweep.cli.views.output import results
-    from rover_sweep.report.diagnosis.report import plan_document, plan_report
-    from rover_sweep.report.on_terminal import WIDTH, on_terminal
-    from rover_sweep.report.wording import strict_json
-
     if as_json:
         echo_json(strict_json(plan_document(found)))
         return

@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from rover_sweep.data.recording import Recording
     from rover_sweep.live.played_source import PlayedSource
     from rover_sweep.live.source import Update
-    from rover_sweep.logs.log import Log
 
 _NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS)
 
@@ -45,6 +44,8 @@ def redrive(
     takes about one second per drive; the firmware runs in real time.
     """
     from rover_sweep.cli.views.output import narration
+    from rover_sweep.logs.read import read_logs, read_runs
+    from rover_sweep.logs.readers.csv_table import screened
     from rover_sweep.redrive.recorded_course import (
         course_of,
         described,
@@ -57,8 +58,10 @@ def redrive(
     parameters = simulated_rover(simulation.variant, vehicle)
     if simulator != "plant":
         refuse_instant(parameters, simulator)
-    runs = _runs(log)
-    course = course_of(_one_log(log))
+    runs, logs = read_runs(log), read_logs(log)
+    if len(logs) != 1:
+        raise UsageError(f"{log} holds {len(logs)} logs; give a source with only one")
+    course = course_of(screened(logs[0]))
     console = narration()
     console.print(f"{simulator}, {described(parameters, simulation.variant, vehicle)}", soft_wrap=True)
     with _complete_file(target) as made:
@@ -103,24 +106,6 @@ def _target(out: str, log: str) -> Path:
     if not path.parent.is_dir():
         raise UsageError(f"--out {out}: there is no folder {path.parent}")
     return path
-
-
-def _runs(source: str) -> Sequence[Recording]:
-    """The runs of the log; DataRefused if there is none."""
-    from rover_sweep.logs.read import read_runs
-
-    return read_runs(source)
-
-
-def _one_log(source: str) -> Log:
-    """The log to repeat; UsageError if the source holds several."""
-    from rover_sweep.logs.read import read_logs
-    from rover_sweep.logs.readers.csv_table import screened
-
-    logs = read_logs(source)
-    if len(logs) != 1:
-        raise UsageError(f"{source} holds {len(logs)} logs; give a source with only one")
-    return screened(logs[0])
 
 
 def _show_speeds(runs: Sequence[Recording], target: Path) -> None:

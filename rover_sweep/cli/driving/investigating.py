@@ -65,7 +65,13 @@ def show_investigation(driver: RunDriver, rover: Rover, bounds: Bounds, out: Pat
             write_investigation(out, decisions, earlier)
             show_step(decision)
     finally:
-        _write_report(decisions, rover, out, as_json)
+        last = next((d for d in reversed(decisions) if d.diagnosis and d.given), None)
+        if last and last.diagnosis and last.given:
+            origin = last.given.origin(made_now(rover, last.given.held_out), DiagnosisSettings())
+            files = write_diagnosis(last.diagnosis, out / "report", origin)
+            shown = results(as_json)
+            shown.print(on_terminal(diagnosis_report(last.diagnosis)), width=min(shown.width, WIDTH))
+            shown.print(f"\nreport: {files.page}", soft_wrap=True)
     show_document(decisions, out, as_json, earlier)
 
 
@@ -98,18 +104,6 @@ def show_step(decision: Decision) -> None:
         console.print(f"the last run told {decision.told:.1f} bit")
     step = decision.step
     console.print(f"{TITLES[step.action]}: {step.reason}", style="bold", soft_wrap=True)
-
-
-def _write_report(decisions: list[Decision], rover: Rover, out: Path, as_json: bool) -> None:
-    """The report of the last diagnosis into report/, and its summary on the terminal."""
-    last = next((d for d in reversed(decisions) if d.diagnosis and d.given), None)
-    if last is None or last.diagnosis is None or last.given is None:
-        return
-    origin = last.given.origin(made_now(rover, last.given.held_out), DiagnosisSettings())
-    files = write_diagnosis(last.diagnosis, out / "report", origin)
-    shown = results(as_json)
-    shown.print(on_terminal(diagnosis_report(last.diagnosis)), width=min(shown.width, WIDTH))
-    shown.print(f"\nreport: {files.page}", soft_wrap=True)
 
 
 # Drives single runs into a session's folder: each call one run, with its own yes.
@@ -150,13 +144,27 @@ class OneByOne:
 
         KeyboardInterrupt for a no, and for Ctrl-C, after the rover was released.
         """
-        planned = self._named(run)
-        plan = replace(self.plan, runs=(*self._driven(), planned), settings=self._settings(run.speed))
+        content, kind, number = read_folder(self.folder), run.kind.replace("_", "-"), 1
+        while f"{kind}{number}" in {driven.name for driven in content.runs}:
+            number += 1
+        planned = SessionRun(f"{kind}{number}", manoeuvre_for(run), run.speed)
+        # One that was not completed is driven again only if it is chosen.
+        driven = tuple(before for before in content.plan if before not in content.to_drive)
+        settings = self.plan.settings
+        if settings.throttle_us is not None:
+            share = min(run.speed / self.fastest, 1.0)
+            throttle = round(THROTTLE_TRIM + share * (settings.throttle_us - THROTTLE_TRIM))
+            settings = replace(settings, throttle_us=throttle)
+
+        def answer(display: PlainDisplay, event: Event) -> None:
+            """Ask when the run is about to start: there is one run to drive, so one question and one yes."""
+            if isinstance(event, RunStarted) and self.ask is not None:
+                self.ask(display, question(event.name, run, self.plan.settings))
+
+        plan = replace(self.plan, runs=(*driven, planned), settings=settings)
         with self.line() as line:
             events = drive(self.url, self.folder, plan, line, self.rover[1], self.access)
-            shown = show_session(
-                events, self.folder, talk=True, answer=self._answer(run), logs=self.plan.logs
-            )
+            shown = show_session(events, self.folder, talk=True, answer=answer, logs=self.plan.logs)
         return any(ended.completed for ended in shown.runs)
 
     def spent(self) -> str:
@@ -166,38 +174,6 @@ class OneByOne:
         if left is None or left >= self.least:
             return ""
         return f"the battery has {100 * left:.0f} % left, less than {100 * self.least:.0f} %"
-
-    def _named(self, run: PlannedRun) -> SessionRun:
-        """The run under a name that the folder does not have yet."""
-        kind, number = run.kind.replace("_", "-"), 1
-        taken = {driven.name for driven in read_folder(self.folder).runs}
-        while f"{kind}{number}" in taken:
-            number += 1
-        return SessionRun(f"{kind}{number}", manoeuvre_for(run), run.speed)
-
-    def _driven(self) -> tuple[SessionRun, ...]:
-        """The complete runs of the plan; one that was not completed is driven again only if chosen."""
-        content = read_folder(self.folder)
-        left = content.to_drive
-        return tuple(run for run in content.plan if run not in left)
-
-    def _settings(self, speed: float) -> RunSettings:
-        settings = self.plan.settings
-        if settings.throttle_us is None:
-            return settings
-        share = min(speed / self.fastest, 1.0)
-        return replace(
-            settings, throttle_us=round(THROTTLE_TRIM + share * (settings.throttle_us - THROTTLE_TRIM))
-        )
-
-    def _answer(self, run: PlannedRun) -> Callable[[PlainDisplay, Event], None]:
-        """Asks when the run is about to start; there is one run in the plan, so one question and one yes."""
-
-        def answer(display: PlainDisplay, event: Event) -> None:
-            if isinstance(event, RunStarted) and self.ask is not None:
-                self.ask(display, question(event.name, run, self.plan.settings))
-
-        return answer
 
 
 def question(name: str, run: PlannedRun, settings: RunSettings) -> str:

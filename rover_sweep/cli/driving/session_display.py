@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Callable, Generator, Iterator
+from contextlib import suppress
 from pathlib import Path
 
 from rover_sweep.api.read import Reading, divided, load_steered, why_not_fitted
@@ -62,7 +63,11 @@ def show_session(
                         raise KeyboardInterrupt
     except (KeyboardInterrupt, RoverSweepError) as stop:
         if isinstance(stop, KeyboardInterrupt) and not interrupted:
-            console.print(_interrupted_words(events, stop), soft_wrap=True)
+            words = "no run was in progress: nothing moves"
+            with suppress(KeyboardInterrupt, StopIteration):  # in a run, the session releases the rover
+                event = events.throw(stop)
+                words = interrupted_words(event) if isinstance(event, Interrupted) else words
+            console.print(words, soft_wrap=True)
         events.close()
         kept = _kept(folder, finished)
         if kept != _NOTHING or isinstance(stop, KeyboardInterrupt):  # an error explains itself
@@ -87,17 +92,6 @@ def _shown(events: Events, display: PlainDisplay, answer: AfterEvent | None) -> 
         except KeyboardInterrupt as stop:
             caught = stop
         yield event
-
-
-def _interrupted_words(events: Events, stop: KeyboardInterrupt) -> str:
-    """A sentence on a Ctrl-C that came between two events. In a run, the session releases the rover."""
-    try:
-        event: Event | None = events.throw(stop)
-    except (KeyboardInterrupt, StopIteration):
-        event = None
-    if isinstance(event, Interrupted):
-        return interrupted_words(event)
-    return "no run was in progress: nothing moves"
 
 
 def _telemetry(event: Event, granted: dict[str, float], logs: bool) -> str:

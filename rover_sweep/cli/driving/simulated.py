@@ -14,6 +14,7 @@ from textwrap import wrap
 
 from firmware_params.param_files import shipped
 from rover_sweep._version import __version__
+from rover_sweep.api.save import result_file
 from rover_sweep.api.simulate import diagnosis_file, read_augmented_model
 from rover_sweep.cli.options import session_folder
 from rover_sweep.cli.views.output import narration, results
@@ -152,13 +153,20 @@ def rover_at(place: Path) -> ExportedRover:
 
     UsageError if there is none or its numbers cannot be used.
     """
-    if place.is_file() and place.suffix.lower() == ".toml":
-        return _read(place, place.name)
-    if place.is_dir():
-        for folder in (place, place / "report"):
-            if (folder / "variant.toml").is_file():
-                return _read(folder / "variant.toml", "variant.toml")
-    return _diagnosed(place)
+    variant = result_file(place, "variant.toml")
+    if variant is not None and variant.suffix.lower() == ".toml":
+        return _read(variant, variant.name)
+    found = diagnosis_file(place)
+    if found is None:
+        raise UsageError(
+            f"{place} holds no simulated rover; give the --out folder of diagnose, its diagnosis.json or the "
+            ".toml file of a simulated rover"
+        )
+    model, _ = read_augmented_model(found)
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "variant.toml"
+        path.write_text(variant_text(model), encoding="utf-8")
+        return _read(path, found.name)
 
 
 def rover_script(rover: ExportedRover, target: Path) -> str:
@@ -182,20 +190,6 @@ def rover_fmu(rover: ExportedRover, target: Path) -> bytes:
         return fmu_file(rover.parameters, rover.origin, target.stem)
     except RuntimeError as error:
         raise UsageError(str(error)) from error
-
-
-def _diagnosed(place: Path) -> ExportedRover:
-    found = diagnosis_file(place)
-    if found is None:
-        raise UsageError(
-            f"{place} holds no simulated rover; give the --out folder of diagnose, its diagnosis.json or the "
-            ".toml file of a simulated rover"
-        )
-    model, _ = read_augmented_model(found)
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "variant.toml"
-        path.write_text(variant_text(model), encoding="utf-8")
-        return _read(path, found.name)
 
 
 def _read(path: Path, source: str) -> ExportedRover:

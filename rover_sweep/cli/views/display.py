@@ -45,7 +45,8 @@ class PlainDisplay:
             case e.Said() if self.talk and (event.text.startswith("SWP") or event.severity <= _WARNING):
                 self.say(f"  {event.text}")
             case e.SwitchWanted():
-                self._switch_wanted(event)
+                words = "when ready, throw" if event.position == "high" else "throw"
+                self.say(f"{words} switch {event.channel} {event.position}", "bold cyan")
             case e.RunStarted():
                 self.run_started(event)
             case e.StateChanged() | e.Sample():
@@ -92,10 +93,6 @@ class PlainDisplay:
 
     def fetching(self, event: e.LogProgress) -> None:
         """Does nothing: only the saved log is reported."""
-
-    def _switch_wanted(self, event: e.SwitchWanted) -> None:
-        words = "when ready, throw" if event.position == "high" else "throw"
-        self.say(f"{words} switch {event.channel} {event.position}", "bold cyan")
 
 
 class TerminalDisplay(PlainDisplay):
