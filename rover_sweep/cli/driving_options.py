@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from rover_sweep.cli.options import AS_JSON, FILE, FOLDER, FULL, SEED, gathered, option
+from rover_sweep.cli.options import AS_JSON, FILE, FOLDER, FULL, SEED, Parsed, finite, gathered, option
 from rover_sweep.cli.vehicle_link import ACCESS, MAYBE_CONNECT
 from rover_sweep.manoeuvre.multisine import Multisine
 from rover_sweep.manoeuvre.sweep import (
@@ -33,94 +32,45 @@ if TYPE_CHECKING:
 # Manoeuvres and limits on the command line: 150 or 150,0.3,25,55 or 150,wmax=20; roll_max=20.
 
 
-_SWEEP = {
-    "amplitude": "amplitude",
-    "wmin": "w_min",
-    "wmax": "w_max",
-    "trec": "t_rec",
-    "fade": "fade",
-    "dwell": "dwell",
-    "straight": "straight",
-}
-_DOUBLET = {name: name for name in ("amplitude", "pulse", "pause", "count", "straight")}
-_MULTISINE = dict(list(_SWEEP.items())[:4]) | {"periods": "periods"} | dict(list(_SWEEP.items())[4:])
-_BIAS_SWEEP = {"amplitude": "amplitude", "bias": "bias"} | _SWEEP
-_KEYS: dict[type[Manoeuvre], tuple[dict[str, str], int]] = {  # names in order, number of them shown in --help
-    Sweep: (_SWEEP, 4),
-    Doublet: (_DOUBLET, 3),
-    Multisine: (_MULTISINE, 5),
-    BiasSweep: (_BIAS_SWEEP, 5),
-    ThrottleSweep: (_SWEEP, 4),
-}
-_WHOLE = ("count", "periods")
 LIMITS = ("pwm_max", "roll_max", "p_max", "r_max", "v_min", "v_max", "still", "gcs")
 
 
-class ManoeuvreType(click.ParamType):
+def manoeuvre_type(kind: type[Manoeuvre]) -> Parsed:
     """A manoeuvre: its numbers in their order, or by name, joined by commas."""
+    own = [f for f in fields(kind) if f.name not in ("kind", "bias")]
+    bias = [f for f in fields(kind) if f.name == "bias"]  # given after the amplitude
+    keys = {f.name.replace("_", ""): f for f in (own[0], *bias, *own[1:])}
 
-    def __init__(self, kind: type[Manoeuvre]) -> None:
-        self.kind = kind
-        self.keys, shown = _KEYS[kind]
-        first = [name.upper() for name in list(self.keys)[:shown]]
-        self.name = f"{first[0]}[,{','.join(first[1:])}]"
-
-    def convert(self, value: object, param: click.Parameter | None, ctx: click.Context | None) -> Manoeuvre:
-        """The manoeuvre; a usage error that names the wrong part."""
-        if isinstance(value, Manoeuvre):
-            return value
+    def manoeuvre(text: str) -> Manoeuvre:
         numbers: dict[str, float] = {}
-        for key, part in zip(self.keys, str(value).split(","), strict=False):
-            name, _, text = part.rpartition("=")
+        for key, part in zip(keys, text.split(","), strict=False):
+            name, _, value = part.rpartition("=")
             name = name.strip().lower() or key
-            if name not in self.keys:
-                self.fail(f"{value!r}: there is no {name!r}; there are {', '.join(self.keys)}", param, ctx)
-            numbers[self.keys[name]] = self._number(text, str(value), param, ctx)
-        if len(str(value).split(",")) > len(self.keys):
-            self.fail(f"{value!r} has more numbers than {', '.join(self.keys)}", param, ctx)
-        for name in (name for name in _WHOLE if name in numbers):
-            if not numbers[name].is_integer():
-                self.fail(f"{value!r}: {name} must be a whole number", param, ctx)
-            numbers[name] = int(numbers[name])
-        try:
-            return self.kind(**numbers)  # type: ignore[arg-type]
-        except ValueError as error:
-            self.fail(str(error), param, ctx)
+            if name not in keys:
+                raise ValueError(f"{text!r}: there is no {name!r}; there are {', '.join(keys)}")
+            wrong = f"{text!r}: {value!r} is not a number; write it as 150,0.3,25,55 or 150,wmax=20"
+            number = finite(value, wrong)
+            if keys[name].type == "int" and not number.is_integer():
+                raise ValueError(f"{text!r}: {name} must be a whole number")
+            numbers[keys[name].name] = int(number) if keys[name].type == "int" else number
+        if len(text.split(",")) > len(keys):
+            raise ValueError(f"{text!r} has more numbers than {', '.join(keys)}")
+        return kind(**numbers)  # type: ignore[arg-type]
 
-    def _number(
-        self, text: str, whole: str, param: click.Parameter | None, ctx: click.Context | None
-    ) -> float:
-        try:
-            number = float(text)
-        except ValueError:
-            number = math.nan
-        if not math.isfinite(number):
-            self.fail(
-                f"{whole!r}: {text!r} is not a number; write it as 150,0.3,25,55 or 150,wmax=20", param, ctx
-            )
-        return number
+    shown = [name.upper() for name in keys if name not in ("fade", "dwell", "straight", "count")]
+    return Parsed(f"{shown[0]}[,{','.join(shown[1:])}]", manoeuvre)
 
 
-class LimitType(click.ParamType):
-    """A limit of the applet by its name without SWP_, e.g. roll_max=20."""
+def _limit(text: str) -> tuple[str, float]:
+    """(name without SWP_, value)."""
+    name, _, value = text.partition("=")
+    name = name.strip().lower().removeprefix("swp_")
+    if name not in LIMITS:
+        raise ValueError(f"{text!r}: there is no limit {name!r}; there are {', '.join(LIMITS)}")
+    return name, finite(value, f"{text!r}: {value!r} is not a number")
 
-    name = "NAME=VALUE"
 
-    def convert(
-        self, value: object, param: click.Parameter | None, ctx: click.Context | None
-    ) -> tuple[str, float]:
-        """(name, value)."""
-        name, _, text = str(value).partition("=")
-        name = name.strip().lower().removeprefix("swp_")
-        if name not in LIMITS:
-            self.fail(f"{value!r}: there is no limit {name!r}; there are {', '.join(LIMITS)}", param, ctx)
-        try:
-            number = float(text)
-        except ValueError:
-            number = math.nan
-        if not math.isfinite(number):
-            self.fail(f"{value!r}: {text!r} is not a number", param, ctx)
-        return name, number
+LIMIT = Parsed("NAME=VALUE", _limit)
 
 
 # What is driven, what this program may do, and the rover that is simulated.
@@ -135,25 +85,25 @@ class Manoeuvres:
 
     sweep: tuple[Sweep, ...] = option(
         "Sweep in us, rad/s, s; or by name, e.g. 150,wmax=20. May be repeated.",
-        ManoeuvreType(Sweep),
+        manoeuvre_type(Sweep),
         multiple=True,
     )
     doublet: tuple[Doublet, ...] = option(
-        "Doublet in us and s, to verify the models. May be repeated.", ManoeuvreType(Doublet), multiple=True
+        "Doublet in us and s, to verify the models. May be repeated.", manoeuvre_type(Doublet), multiple=True
     )
     multisine: tuple[Multisine, ...] = option(
         "Multisine: peak in us, rad/s, s; shows 2nd and 3rd harmonics. May be repeated.",
-        ManoeuvreType(Multisine),
+        manoeuvre_type(Multisine),
         multiple=True,
     )
     bias_sweep: tuple[BiasSweep, ...] = option(
         "Sweep about a steering offset in us, e.g. 80,100. May be repeated.",
-        ManoeuvreType(BiasSweep),
+        manoeuvre_type(BiasSweep),
         multiple=True,
     )
     throttle_sweep: tuple[ThrottleSweep, ...] = option(
         "Sweep of the throttle about the pilot's, in us, rad/s, s, for the speed gains. May be repeated.",
-        ManoeuvreType(ThrottleSweep),
+        manoeuvre_type(ThrottleSweep),
         multiple=True,
     )
 
@@ -190,7 +140,7 @@ class Permissions:
         flag_value="override",
     )
     limit: tuple[tuple[str, float], ...] = option(
-        "Limit of the applet, e.g. v_max=3. [default: as set on the rover]", LimitType(), multiple=True
+        "Limit of the applet, e.g. v_max=3. [default: as set on the rover]", LIMIT, multiple=True
     )
 
     def settings(self, kept: Mapping[str, float] | None = None) -> RunSettings:

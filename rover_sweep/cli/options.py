@@ -135,24 +135,43 @@ class Grouped(click.Command):
 OUTPUTS = ("r", "ay", "vydot", "p")
 
 
-class BandType(click.ParamType):
-    """The frequency band used of one response, e.g. p=0.6:20 (rad/s)."""
+class Parsed(click.ParamType):
+    """What a function makes of an option's text; its ValueError is the usage error."""
 
-    name = "RESPONSE=LOW:HIGH"
+    def __init__(self, name: str, make: Callable[[str], Any]) -> None:
+        self.name, self._make = name, make
 
-    def convert(
-        self, value: object, param: click.Parameter | None, ctx: click.Context | None
-    ) -> tuple[str, tuple[float, float]]:
-        """(response, (low, high))."""
-        name, _, limits = str(value).partition("=")
-        low, _, high = limits.partition(":")
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """The value; a default that is no text stays as it is."""
+        if not isinstance(value, str):
+            return value
         try:
-            band = float(low), float(high)
-        except ValueError:
-            self.fail(f"{value!r} is not a band such as p=0.6:20 (rad/s)", param, ctx)
-        if name not in OUTPUTS or not 0 < band[0] < band[1]:
-            self.fail(f"{value!r}: use one of {', '.join(OUTPUTS)} and 0 < low < high in rad/s", param, ctx)
-        return name, band
+            return self._make(value)
+        except ValueError as error:
+            self.fail(str(error), param, ctx)
+
+
+def finite(text: str, wrong: str) -> float:
+    """The number; ValueError with the words `wrong` for anything else."""
+    try:
+        number = float(text)
+    except ValueError:
+        number = math.nan
+    if not math.isfinite(number):
+        raise ValueError(wrong)
+    return number
+
+
+def _band(text: str) -> tuple[str, tuple[float, float]]:
+    """(response, (low, high))."""
+    name, _, limits = text.partition("=")
+    low, high = (finite(x, f"{text!r} is not a band such as p=0.6:20 (rad/s)") for x in limits.split(":", 1))
+    if name not in OUTPUTS or not 0 < low < high:
+        raise ValueError(f"{text!r}: use one of {', '.join(OUTPUTS)} and 0 < low < high in rad/s")
+    return name, (low, high)
+
+
+BAND = Parsed("RESPONSE=LOW:HIGH", _band)
 
 
 class NumberRange(click.FloatRange):
@@ -171,51 +190,39 @@ class NumberRange(click.FloatRange):
 POSITIVE = NumberRange(0, min_open=True)
 
 
-class NumbersType(click.ParamType):
+def numbers_type(what: str = "numbers", unit: str = "", below: float = math.inf) -> Parsed:
     """Positive numbers below a limit, separated by commas or blanks, e.g. 5,8,12,18,27."""
+    within = f" in {unit}" if unit else ""
 
-    def __init__(self, what: str = "numbers", unit: str = "", below: float = math.inf) -> None:
-        self.what, self.unit, self.below = what, unit, below
-        self.name = f"{unit.upper() or 'N'},{unit.upper() or 'N'},..."
-
-    def convert(
-        self, value: object, param: click.Parameter | None, ctx: click.Context | None
-    ) -> tuple[float, ...]:
-        """The numbers."""
-        if isinstance(value, tuple):
-            return value
-        unit = f" in {self.unit}" if self.unit else ""
+    def numbers(text: str) -> tuple[float, ...]:
+        wrong = f"{text!r} is not a list of {what}{within} such as 47.5,47.3,47.6"
         try:
-            numbers = tuple(float(part) for part in re.split(r"[,\s]+", str(value).strip()))
+            found = tuple(float(part) for part in re.split(r"[,\s]+", text.strip()))
         except ValueError:
-            self.fail(f"{value!r} is not a list of {self.what}{unit} such as 47.5,47.3,47.6", param, ctx)
-        if not all(0 < n < self.below for n in numbers):
-            most = f" and below {self.below:g}" if math.isfinite(self.below) else " and finite"
-            self.fail(f"{value!r}: every number must be positive{most}{unit}", param, ctx)
-        return numbers
+            raise ValueError(wrong) from None
+        if not all(0 < n < below for n in found):
+            most = f" and below {below:g}" if math.isfinite(below) else " and finite"
+            raise ValueError(f"{text!r}: every number must be positive{most}{within}")
+        return found
+
+    return Parsed(f"{unit.upper() or 'N'},{unit.upper() or 'N'},...", numbers)
 
 
-class NamesType(click.ParamType):
+def names_type(name: str = "NAME,NAME,...", allowed: tuple[str, ...] = ()) -> Parsed:
     """Names joined by commas, of `allowed` if there are any; else the command checks that they exist."""
 
-    def __init__(self, name: str = "NAME,NAME,...", allowed: tuple[str, ...] = ()) -> None:
-        self.name, self.allowed = name, allowed
+    def names(text: str) -> tuple[str, ...]:
+        found = tuple(dict.fromkeys(part.strip() for part in text.split(",") if part.strip()))
+        if not found:
+            raise ValueError(f"{text!r} contains no name; give a name or remove the option")
+        if wrong := [n for n in found if allowed and n not in allowed]:
+            raise ValueError(f"there is no {wrong[0]!r}; choose from {', '.join(allowed)}")
+        return found
 
-    def convert(
-        self, value: object, param: click.Parameter | None, ctx: click.Context | None
-    ) -> tuple[str, ...]:
-        """The names, in the order given, each once."""
-        if isinstance(value, tuple):
-            return value
-        names = tuple(dict.fromkeys(part.strip() for part in str(value).split(",") if part.strip()))
-        if not names:
-            self.fail(f"{value!r} contains no name; give a name or remove the option", param, ctx)
-        if wrong := [n for n in names if self.allowed and n not in self.allowed]:
-            self.fail(f"there is no {wrong[0]!r}; choose from {', '.join(self.allowed)}", param, ctx)
-        return names
+    return Parsed(name, names)
 
 
-EFFECTS = NamesType("ID,ID,...")
+EFFECTS = names_type("ID,ID,...")
 
 
 # Options that several commands have.
@@ -274,37 +281,19 @@ def vehicle_path(given: str | None, runs: Sequence[str] = ()) -> str:
     )
 
 
-# Option types for measured numbers: a number with its standard deviation, and times.
-
-
-class MeasuredType(click.ParamType):
+def measured_type(low: float, high: float, unit: str, hint: str) -> Parsed:
     """A positive number, with its standard deviation after +- or ±, e.g. 1.200+-0.003."""
 
-    name = "NUMBER[+-SD]"
-
-    def __init__(self, low: float, high: float, unit: str, hint: str = "") -> None:
-        self.low, self.high, self.unit, self.hint = low, high, unit, hint
-
-    def convert(self, value: object, param: click.Parameter | None, ctx: click.Context | None) -> Measured:
-        """The number; a usage error if it is not a number or outside low..high."""
-        if isinstance(value, Measured):
-            return value
-        parts = [part.strip() for part in re.split(r"\+-|\+/-|±", str(value))]
-        try:
-            numbers = [float(part) for part in parts]
-        except ValueError:
-            self.fail(f"{value!r} is not a number such as 1.2 or 1.2+-0.01 ({self.unit})", param, ctx)
-        if len(numbers) > 2 or not self.low <= numbers[0] <= self.high:
-            self.fail(
-                f"{value!r} is outside {self.low:g}..{self.high:g} {self.unit}; {self.hint or 'check it'}",
-                param,
-                ctx,
-            )
+    def measured(text: str) -> Measured:
+        wrong = f"{text!r} is not a number such as 1.2 or 1.2+-0.01 ({unit})"
+        numbers = [finite(part, wrong) for part in re.split(r"\+-|\+/-|±", text)]
+        if len(numbers) > 2 or not low <= numbers[0] <= high:
+            raise ValueError(f"{text!r} is outside {low:g}..{high:g} {unit}; {hint}")
         if len(numbers) == 2 and not 0 <= numbers[1] < numbers[0]:
-            self.fail(
-                f"{value!r}: the uncertainty must be between 0 and the number, in {self.unit}", param, ctx
-            )
+            raise ValueError(f"{text!r}: the uncertainty must be between 0 and the number, in {unit}")
         return Measured(numbers[0], numbers[1] if len(numbers) == 2 else None)
+
+    return Parsed("NUMBER[+-SD]", measured)
 
 
 # Text output of a command: to stdout for `-`, else into a file in an existing folder.
@@ -402,24 +391,12 @@ def _held(folder: Path, patterns: tuple[str, ...]) -> str | None:
     return next((str(path.relative_to(folder)) for path in found), None)
 
 
-# The ground on the command line: 60x20, length and width in metres.
+def _ground(text: str) -> tuple[float, float]:
+    """(length, width) [m]; the length is in the direction of the drive."""
+    found = re.fullmatch(r"([0-9]+\.?[0-9]*)x([0-9]+\.?[0-9]*)", text.strip())
+    if not found or not (0 < float(found[1]) <= 1e5 and 0 < float(found[2]) <= 1e5):
+        raise ValueError(f"{text!r} is not a ground; write it as 60x20, length and width in m")
+    return float(found[1]), float(found[2])
 
 
-_FORM = re.compile(r"([0-9]+\.?[0-9]*)x([0-9]+\.?[0-9]*)")
-
-
-class GroundType(click.ParamType):
-    """LENGTHxWIDTH in metres, the length in the direction of the drive."""
-
-    name = "LENGTHxWIDTH"
-
-    def convert(
-        self, value: object, param: click.Parameter | None, ctx: click.Context | None
-    ) -> tuple[float, float]:
-        """(length, width) [m]."""
-        if isinstance(value, tuple):
-            return float(value[0]), float(value[1])
-        found = _FORM.fullmatch(str(value).strip())
-        if not found or not (0 < float(found[1]) <= 1e5 and 0 < float(found[2]) <= 1e5):
-            self.fail(f"{value!r} is not a ground; write it as 60x20, length and width in m", param, ctx)
-        return float(found[1]), float(found[2])
+GROUND = Parsed("LENGTHxWIDTH", _ground)

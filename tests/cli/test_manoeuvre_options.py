@@ -5,7 +5,7 @@ from __future__ import annotations
 import click
 import pytest
 
-from rover_sweep.cli.driving_options import LimitType, Manoeuvres, ManoeuvreType
+from rover_sweep.cli.driving_options import LIMIT, Manoeuvres, manoeuvre_type
 from rover_sweep.errors import UsageError
 from rover_sweep.manoeuvre.multisine import Multisine
 from rover_sweep.manoeuvre.sweep import BiasSweep, Doublet, Manoeuvre, parameters_of, refuse_undersampled
@@ -24,7 +24,7 @@ from rover_sweep.session.simulated_rover import SimulatedRover, simulated_plan
     ],
 )
 def test_numbers_in_order_or_by_name(text: str, meant: Manoeuvre) -> None:
-    assert ManoeuvreType(type(meant)).convert(text, None, None) == meant
+    assert manoeuvre_type(type(meant)).convert(text, None, None) == meant
 
 
 @pytest.mark.parametrize(
@@ -39,7 +39,7 @@ def test_numbers_in_order_or_by_name(text: str, meant: Manoeuvre) -> None:
 )
 def test_nonsense_is_refused(kind: type[Manoeuvre], text: str, said: str) -> None:
     with pytest.raises(click.BadParameter, match=said):
-        ManoeuvreType(kind).convert(text, None, None)
+        manoeuvre_type(kind).convert(text, None, None)
 
 
 def test_parameters_of_the_applet() -> None:
@@ -56,7 +56,7 @@ def test_parameters_of_the_applet() -> None:
 @pytest.mark.parametrize("text", ["v_max=nan", "v_max=-inf", "v_max=", "v_max=fast"])
 def test_a_limit_that_is_no_number_is_refused(text: str) -> None:
     with pytest.raises(click.BadParameter, match="is not a number"):
-        LimitType().convert(text, None, None)
+        LIMIT.convert(text, None, None)
 
 
 def test_what_is_too_fast_or_too_far_is_refused_before_anything_starts() -> None:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from rover_sweep.cli.options import FILE, FOLDER, NumbersType, option, options, session_folder, vehicle_path
+from rover_sweep.cli.options import FILE, FOLDER, numbers_type, option, options, session_folder, vehicle_path
 from rover_sweep.cli.vehicle_link import ACCESS, MAYBE_CONNECT
 from rover_sweep.cli.views.output import echo, echo_json
 from rover_sweep.errors import RoverSweepError, UsageError
@@ -41,7 +41,7 @@ def bench(
     ),
     steps: tuple[float, ...] = option(
         "Step sizes from the servo's trim, us; each is made to both sides.",
-        NumbersType(),
+        numbers_type(),
         default=",".join(f"{s:g}" for s in STEPS),
     ),
     ramp: bool = option("With --hand: add a slow ramp, to watch the wheels."),

@@ -11,6 +11,7 @@ import click
 
 from rover_sweep.cli.options import (
     AS_JSON,
+    BAND,
     FILE,
     FULL,
     OUTPUTS,
@@ -18,12 +19,11 @@ from rover_sweep.cli.options import (
     READING,
     REPORT,
     VEHICLE,
-    BandType,
     Grouped,
-    NamesType,
-    NumbersType,
     argument,
     check_report_folder,
+    names_type,
+    numbers_type,
     option,
     options,
     vehicle_path,
@@ -55,10 +55,10 @@ def identify(
         "Run for verification only, such as a doublet; may be repeated.", metavar="RUN", multiple=True
     ),
     models: tuple[str, ...] = option(
-        "Models to identify.", NamesType(allowed=MODELS), default=",".join(MODELS)
+        "Models to identify.", names_type(allowed=MODELS), default=",".join(MODELS)
     ),
     fit: tuple[str, ...] = option(
-        "Responses used in the fit; all four are reported.", NamesType(allowed=OUTPUTS), default="r,ay,p"
+        "Responses used in the fit; all four are reported.", names_type(allowed=OUTPUTS), default="r,ay,p"
     ),
     structure: tuple[str, ...] = option(
         "Additional model structure of your own (TOML); may be repeated.", FILE, multiple=True
@@ -74,11 +74,13 @@ def identify(
         "Parameter that the structure reduction keeps free, e.g. Ixx or Y_phi.", metavar="NAME", multiple=True
     ),
     band: tuple[tuple[str, tuple[float, float]], ...] = option(
-        "Frequency band used of a response, rad/s. [default: from its coherence]", BandType(), multiple=True
+        "Frequency band used of a response, rad/s. [default: from its coherence]", BAND, multiple=True
     ),
     wmin: float | None = option("Lowest swept frequency.", POSITIVE, "RAD/S"),
     wmax: float | None = option("Highest swept frequency.", POSITIVE, "RAD/S"),
-    windows: tuple[float, ...] | None = option("Window lengths of the spectra, s.", NumbersType(), "S,S,..."),
+    windows: tuple[float, ...] | None = option(
+        "Window lengths of the spectra, s.", numbers_type(), "S,S,..."
+    ),
     bootstrap: int = option(
         "Number of replicates for the 90 % intervals of the parameters; 0: no intervals.",
         click.IntRange(min=0),

@@ -21,17 +21,17 @@ from rover_sweep.bench.swing_test import (
     remarks,
     rounded,
 )
-from rover_sweep.cli.options import FILE, MeasuredType, NumberRange, NumbersType, option, options
+from rover_sweep.cli.options import FILE, NumberRange, measured_type, numbers_type, option, options
 from rover_sweep.cli.views.display import bullet
 from rover_sweep.cli.views.output import echo, echo_json
 from rover_sweep.data.plausibility import ROLL_GYRATION, YAW_GYRATION
 from rover_sweep.data.vehicle_file import Measured, Vehicle, load, set_number
 from rover_sweep.errors import DataRefused, UsageError
 
-MASS = MeasuredType(0.05, 5000, "kg", "give kilograms")
+MASS = measured_type(0.05, 5000, "kg", "give kilograms")
 GYRATION = {"yaw": YAW_GYRATION, "roll": ROLL_GYRATION}
-TIMES = NumbersType("times", "s", 3600)
-LENGTH = MeasuredType(0.05, 20, "m", "give metres")
+TIMES = numbers_type("times", "s", 3600)
+LENGTH = measured_type(0.05, 20, "m", "give metres")
 
 
 _AXIS = option(

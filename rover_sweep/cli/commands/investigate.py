@@ -13,9 +13,10 @@ from rover_sweep.cli.options import (
     EFFECTS,
     FILE,
     FOLDER,
+    GROUND,
     READING,
-    GroundType,
     NumberRange,
+    Parsed,
     argument,
     gathered,
     option,
@@ -61,9 +62,7 @@ def investigate(
         default=2.4,
     ),
     amplitude: float | None = option("Largest steering offset.", NumberRange(20, 500), "US"),
-    ground: tuple[float, float] | None = option(
-        "Length and width in m; larger runs are not chosen.", GroundType()
-    ),
+    ground: tuple[float, float] | None = option("Length and width in m; larger runs are not chosen.", GROUND),
     battery: float = option(
         "Drive no further run below this charge, if the rover reports it.",
         NumberRange(0, 100),
@@ -123,57 +122,46 @@ MOST_US, MOST_SPEED = 500, 30  # us from trim and m/s: limits of the servo outpu
 _RUN = re.compile(rf"({_NUMBER})(?:([+-]{_NUMBER}))?@({_NUMBER})(?:@(-?{_NUMBER}))?")
 
 
-class PlannedRunType(click.ParamType):
+def _planned_type(kind: Any) -> Parsed:
     """A run as AMPLITUDE@SPEED in us and m/s; with a heading in deg 150@2.4@90; with a bias 100+150@2.4."""
+    biased = kind == "bias_sweep"
 
-    def __init__(self, kind: str) -> None:
-        self.kind = kind
-        self.name = f"AMPLITUDE{'+BIAS' if self.biased else ''}@SPEED"
-
-    @property
-    def biased(self) -> bool:
-        """True for a bias sweep, which needs a bias."""
-        return self.kind == "bias_sweep"
-
-    def convert(self, value: object, param: click.Parameter | None, ctx: click.Context | None) -> PlannedRun:
-        """The run; a usage error that shows the correct form."""
+    def planned(text: str) -> PlannedRun:
         from rover_sweep.diagnosis.plans.planner import PlannedRun
 
-        if isinstance(value, PlannedRun):
-            return value
-        found = _RUN.fullmatch(str(value).strip())
-        if not found or (found[2] is not None) != self.biased:
-            self.fail(self._mistake(str(value).strip()), param, ctx)
+        text = text.strip()
+        found = _RUN.fullmatch(text)
+        if not found or (found[2] is not None) != biased:
+            raise ValueError(_mistake(text, biased))
         amplitude, bias, speed = float(found[1]), float(found[2] or 0.0), float(found[3])
         if not (amplitude >= 1 and amplitude + abs(bias) <= MOST_US and 0 < speed <= MOST_SPEED):
-            peak = ", bias included" if self.biased else ""
-            self.fail(
-                f"{value!r}: an amplitude is 1..{MOST_US} us{peak} and a speed up to {MOST_SPEED} m/s",
-                param,
-                ctx,
+            peak = ", bias included" if biased else ""
+            raise ValueError(
+                f"{text!r}: an amplitude is 1..{MOST_US} us{peak} and a speed up to {MOST_SPEED} m/s"
             )
-        heading = float(found[4]) % 360.0 if found[4] else None
-        return PlannedRun(self.kind, amplitude, speed, heading, bias)  # type: ignore[arg-type]
+        return PlannedRun(kind, amplitude, speed, float(found[4]) % 360.0 if found[4] else None, bias)
 
-    def _mistake(self, value: str) -> str:
-        """The mistake in a run's text, and the correct form."""
-        example = "100+150@2.4" if self.biased else "150@2.4"
-        written = f"write it as {example}, us and m/s (@90 for a heading)"
-        if re.fullmatch(rf"{_NUMBER}([+-]{_NUMBER})?", value):
-            return f"{value!r} has no speed; {written}"
-        if value.startswith("-"):
-            return f"{value!r} has a negative amplitude; give the peak, which is positive; {written}"
-        if "," in value:
-            return f"{value!r} has a decimal comma; {written}"
-        if self.biased and "@" in value and not re.search(r"[0-9][+-][0-9]", value):
-            return f"{value!r} has no bias; {written}"
-        if not self.biased and re.match(rf"{_NUMBER}[+-]", value):
-            return f"{value!r} has a bias, which only --bias-sweep takes; {written}"
-        return f"{value!r} is not a run; {written}"
+    return Parsed(f"AMPLITUDE{'+BIAS' if biased else ''}@SPEED", planned)
+
+
+def _mistake(text: str, biased: bool) -> str:
+    """The mistake in a run's text, and the correct form."""
+    written = f"write it as {'100+150@2.4' if biased else '150@2.4'}, us and m/s (@90 for a heading)"
+    if re.fullmatch(rf"{_NUMBER}([+-]{_NUMBER})?", text):
+        return f"{text!r} has no speed; {written}"
+    if text.startswith("-"):
+        return f"{text!r} has a negative amplitude; give the peak, which is positive; {written}"
+    if "," in text:
+        return f"{text!r} has a decimal comma; {written}"
+    if biased and "@" in text and not re.search(r"[0-9][+-][0-9]", text):
+        return f"{text!r} has no bias; {written}"
+    if not biased and re.match(rf"{_NUMBER}[+-]", text):
+        return f"{text!r} has a bias, which only --bias-sweep takes; {written}"
+    return f"{text!r} is not a run; {written}"
 
 
 def _run_option(kind: str, words: str) -> Any:
-    return option(f"{words}; may be repeated.", PlannedRunType(kind), multiple=True)
+    return option(f"{words}; may be repeated.", _planned_type(kind), multiple=True)
 
 
 @click.command()

@@ -59,7 +59,8 @@ def session(
         serve(web_host, web_port)
         return
     folder = Path(out)
-    path = _vehicle_path(vehicle_file, folder)
+    places = (folder / "rover.toml", Path("rover.toml"))
+    path = Path(vehicle_file) if vehicle_file else next((p for p in places if p.is_file()), None)
     vehicle = load(path) if path else None
     settings = allowed.settings()
     if in_browser:  # a program that hangs or is killed must not leave a run behind
@@ -79,13 +80,6 @@ def session(
         lambda plan: kept.plan(runs_of_plan(plan)),
     )
     show(source, setup, in_browser=in_browser)
-
-
-def _vehicle_path(given: str | None, folder: Path) -> Path | None:
-    """The vehicle file: as given, else the session's, else rover.toml here, else None."""
-    if given:
-        return Path(given)
-    return next((p for p in (folder / "rover.toml", Path("rover.toml")) if p.is_file()), None)
 
 
 # `session --web`: the server, and the command of the program behind its page.

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import codecs
 from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING
+from functools import cache
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -70,12 +71,25 @@ def print_table(
 
 
 def _console(stderr: bool) -> Console:
-    from rover_sweep.cli.views.safe_console import SafeConsole
-
-    console = SafeConsole(stderr=stderr, highlight=False, markup=False)
+    console = _safe_console()(stderr=stderr, highlight=False, markup=False)
     if not console.is_terminal:
         console.width = max(console.width, PLAIN_WIDTH)
     return console
+
+
+@cache
+def _safe_console() -> type[Console]:
+    """A rich console that makes control characters in text visible, but keeps rich's own control codes."""
+    from rich.console import Console
+
+    class SafeConsole(Console):
+        def render(self, renderable: Any, options: Any = None) -> Iterable[Any]:
+            """Each text segment, of any table or bar, made printable; control codes are separate segments."""
+            for segment in super().render(renderable, options):
+                safe = segment.control or segment.text.isprintable()
+                yield segment if safe else segment._replace(text=printable_lines(segment.text))
+
+    return SafeConsole
 
 
 # Greek letters and signs in plain letters, for a terminal that has no others: tau instead of ?.
