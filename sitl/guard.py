@@ -15,6 +15,8 @@ import threading
 from collections.abc import Sequence
 from types import FrameType
 
+from rover_sweep.system import end_own_group
+
 GRACE = 3.0
 """Seconds between asking the program to end and killing it."""
 
@@ -38,15 +40,8 @@ def main(command: Sequence[str]) -> int:
     signal.signal(signal.SIGINT, stop)
     threading.Thread(target=watch, name="watch standard input", daemon=True).start()
     code = program.wait()
-    _end_group()
+    end_own_group()  # the program's remaining children
     return code
-
-
-def _end_group() -> None:
-    """Ask the program's remaining children to end, if the process group is ours alone."""
-    if hasattr(os, "getpgrp") and os.getpgrp() == os.getpid():
-        signal.signal(signal.SIGTERM, signal.SIG_IGN)
-        os.killpg(0, signal.SIGTERM)
 
 
 if __name__ == "__main__":

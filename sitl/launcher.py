@@ -10,7 +10,6 @@ import contextlib
 import json
 import os
 import shutil
-import signal
 import socket
 import subprocess
 import sys
@@ -20,6 +19,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TypeVar
 
+from rover_sweep.system import kill_group, own_group
 from sitl.guard import GRACE
 from sitl.json_server import BASE_PORT, LOOPBACK
 from sitl.transmitter import BASE_PORT as RADIO_PORT
@@ -195,7 +195,7 @@ def _start(command: Sequence[str], output: Path, cwd: Path | None = None) -> sub
             stderr=subprocess.STDOUT,
             cwd=cwd,
             env=environment,
-            start_new_session=True,
+            **own_group(),
         )
 
 
@@ -207,11 +207,7 @@ def _stop(program: subprocess.Popen[bytes]) -> None:
         program.stdin.close()
     with contextlib.suppress(subprocess.TimeoutExpired):
         program.wait(GRACE + 1.0)
-    if hasattr(os, "killpg"):
-        with contextlib.suppress(ProcessLookupError):
-            os.killpg(program.pid, signal.SIGKILL)
-    program.kill()
-    program.wait()
+    kill_group(program)
 
 
 def _await(

@@ -23,11 +23,12 @@ from rover_sweep.data.vehicle_file import parse
 from rover_sweep.data.vehicle_geometry import geometry_of
 from rover_sweep.errors import DataRefused, RoverSweepError, UsageError, missing_extra
 from rover_sweep.files.documents import read_json, read_toml
-from rover_sweep.files.replaced import end_with_parent, write_file
+from rover_sweep.files.replaced import write_file
 from rover_sweep.logs.applet import identity
 from rover_sweep.logs.log import Log
 from rover_sweep.logs.read import read_logs, recorded_day, runs_of
 from rover_sweep.season.season_result import FittedLog, MeasuredLog, as_document, fitted_log, from_document
+from rover_sweep.system import end_with_parent, processors
 
 # Logs by path or URL: found in folders, identified by their contents, copied to their worker.
 
@@ -129,9 +130,7 @@ def workers(count: int | None, scheduler: str | None) -> Iterator[Executor]:
     if scheduler is None:
         os.environ.setdefault("OMP_NUM_THREADS", "1")  # of the processes that start now
         context = multiprocessing.get_context("spawn")  # as on every platform, and no copied locks
-        usable = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
-        processes = count or usable or 1
-        with ProcessPoolExecutor(processes, context, end_with_parent) as pool:
+        with ProcessPoolExecutor(count or processors(), context, end_with_parent) as pool:
             yield pool
         return
     try:

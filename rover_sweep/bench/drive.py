@@ -20,6 +20,7 @@ from rover_sweep.vehicle.identity import identify_vehicle
 from rover_sweep.vehicle.link.connection import Access, Periodic
 from rover_sweep.vehicle.link.link import Link
 from rover_sweep.vehicle.link.streams import Stream, request_all, stop
+from rover_sweep.vehicle.link.transport import parse_url
 from rover_sweep.vehicle.parameters import read_present
 
 # The override of the steering channel: repeated while it is active, and always released at its end.
@@ -283,7 +284,8 @@ def _loop_rate(link: Link) -> float:
 
 
 def _streams(link: Link) -> tuple[Stream, ...]:
-    slow = link.url.startswith("/dev/") and "ttyACM" not in link.url  # a telemetry radio, not USB
+    usb = "ttyACM" in link.url or "usbmodem" in link.url
+    slow = parse_url(link.url).scheme == "serial" and not usb  # it may be a telemetry radio
     return request_all(link, _loop_rate(link), RATES if slow else {**RATES, "SERVO_OUTPUT_RAW": FAST})
 
 

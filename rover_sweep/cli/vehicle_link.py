@@ -60,7 +60,7 @@ def _warn(sentence: str) -> None:
     narration().print(sentence, style="yellow", soft_wrap=True)
 
 
-_URL = "tcp:HOST:PORT, udp:HOST:PORT (listen), or /dev/ttyACM0,115200."
+_URL = "tcp:HOST:PORT, udp:HOST:PORT (listen), or a serial port: COM5, /dev/ttyACM0, /dev/ttyUSB0,57600."
 CONNECT, MAYBE_CONNECT = option(_URL, None, "URL", required=True), option(_URL, None, "URL")
 VIA = option(
     "Library that talks to the rover; the result is the same.",

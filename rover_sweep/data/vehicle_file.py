@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import os
 import tomllib
+from codecs import BOM_UTF16_LE
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from importlib import resources
@@ -26,6 +27,7 @@ from rover_sweep.data.vehicle_rules import (
 )
 from rover_sweep.errors import UsageError
 from rover_sweep.files.documents import read_toml, toml_hint
+from rover_sweep.files.replaced import write_file
 
 Model = Literal["bicycle", "roll-yaw", "lumped"]
 
@@ -195,7 +197,7 @@ def set_numbers(path: str | os.PathLike[str], numbers: Mapping[str, Measured]) -
         _put(document, key, number)
     text = tomlkit.dumps(document)
     vehicle = parse(text, str(path))
-    _replace(path, text)
+    write_file(path, text)
     return vehicle
 
 
@@ -217,25 +219,16 @@ def _put(document: Any, key: str, number: Measured) -> None:
 
 
 def _read(path: Path) -> str:
+    """The text: UTF-8, or UTF-16 as PowerShell's `>` writes it; the Notepad of Windows puts a mark first."""
     try:
-        return path.read_text(encoding="utf-8")
+        data = path.read_bytes()
+        return data.decode("utf-16" if data.startswith(BOM_UTF16_LE) else "utf-8-sig")
     except FileNotFoundError:
         raise UsageError(
             f"there is no vehicle file {path}; create one with: rover-sweep vehicle --example > {path}"
         ) from None
     except (OSError, UnicodeDecodeError) as error:
         raise UsageError(f"the vehicle file {path} cannot be read: {error}") from None
-
-
-def _replace(path: Path, text: str) -> None:
-    """Write a new file and rename it, so that the old one survives a full disk."""
-    new_file = path.with_name(path.name + ".new")
-    try:
-        new_file.write_text(text, encoding="utf-8")
-        new_file.replace(path)
-    except OSError as error:
-        new_file.unlink(missing_ok=True)
-        raise UsageError(f"the vehicle file {path} cannot be written: {error}") from None
 
 
 def _section(data: dict[str, Any], name: str) -> dict[str, Any]:

@@ -28,6 +28,7 @@ from rover_sweep.session.content import (
     from_json,
     to_json,
 )
+from rover_sweep.system import hold_folder
 from rover_sweep.vehicle.link.recorded_transport import writing
 from rover_sweep.vehicle.run.follow import STOPPED_BY_APPLET, STOPPED_STATE, outcome_told
 
@@ -84,17 +85,10 @@ class FolderLock:
     """Held until `close`. UsageError if another program holds it; no lock on systems without them."""
 
     def __init__(self, folder: Path) -> None:
-        self._held = -1
-        with contextlib.suppress(ImportError, OSError):  # not POSIX; a file system without locks
-            import fcntl
-
-            self._held = os.open(folder, os.O_RDONLY)
-            try:
-                fcntl.flock(self._held, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except BlockingIOError:
-                self.close()
-                words = f"another rover-sweep uses {folder}; end it, or give another folder"
-                raise UsageError(words) from None
+        try:
+            self._held = hold_folder(folder)
+        except BlockingIOError:
+            raise UsageError(f"another rover-sweep uses {folder}; end it, or give another folder") from None
 
     def close(self) -> None:
         """Release the lock; may be repeated."""

@@ -23,8 +23,8 @@ from textual.dom import DOMNode
 from textual.theme import Theme
 
 from rover_sweep.errors import UsageError
-from rover_sweep.files.replaced import end_with_parent
 from rover_sweep.live.source import Play, Played, Source
+from rover_sweep.system import STOP_SIGNALS, end_with_parent
 from rover_sweep.tui.drawn import DARK, LIGHT, Palette
 from rover_sweep.tui.model.setup import Memory, Setup, remember
 from rover_sweep.tui.model.state import AbortAsked, reduce
@@ -128,10 +128,16 @@ class SweepApp(SessionApp):
             self.install_screen(screen(), screen.view)
         self.push_screen(self._first)
         self.set_interval(1.0, self._redraw_waiting)
-        for number in (signal.SIGTERM, signal.SIGHUP):
-            with contextlib.suppress(NotImplementedError, RuntimeError, ValueError):  # not the main thread
-                asyncio.get_running_loop().add_signal_handler(number, self._leave_now)
+        for number in (n for n in STOP_SIGNALS if n != signal.SIGINT):
+            with contextlib.suppress(RuntimeError, ValueError):  # not the main thread
+                self._leave_on(number, asyncio.get_running_loop())
         self.source.start(self.feed.put)
+
+    def _leave_on(self, number: signal.Signals, loop: asyncio.AbstractEventLoop) -> None:
+        try:
+            loop.add_signal_handler(number, self._leave_now)
+        except NotImplementedError:  # Windows
+            signal.signal(number, lambda *_: loop.call_soon_threadsafe(self._leave_now) and None)
 
     def _leave_now(self) -> None:
         """Told to end: abort first, as closing the views takes seconds."""

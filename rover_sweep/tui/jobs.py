@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import json
-import os
 import sys
 import time
 from collections.abc import AsyncGenerator, Callable, Collection, Iterator, Mapping, Sequence
@@ -15,6 +14,7 @@ from typing import Any, Literal
 
 from rover_sweep.files.documents import read_json
 from rover_sweep.files.replaced import numbered
+from rover_sweep.system import own_group, yield_to_others
 from rover_sweep.tui.model.plan_rows import Row, rows_of_plan
 from rover_sweep.tui.model.state import State
 
@@ -115,13 +115,13 @@ def _plain(document: Mapping[str, Any]) -> Iterator[str]:
 
 # Commands that work on recordings, run as separate processes: the session never waits for them.
 #
+# They have a lower priority than the vehicle's messages, and Ctrl-C does not reach them.
 # An `AnalysisJob` shows what the command printed and the JSON it wrote. Both are there without a screen.
 
 
 _KEPT = 200  # lines kept of a command's output
 _TICK = 1.0  # s between updates of a job without output
 _GRACE = 2.0  # s to terminate before it is killed
-_NICENESS = 10  # gives priority to the vehicle's messages
 
 
 @dataclass(frozen=True)
@@ -156,8 +156,9 @@ async def run_job(job: AnalysisJob) -> AsyncGenerator[AnalysisJob, None]:
         stdin=asyncio.subprocess.DEVNULL,
         stdout=asyncio.subprocess.PIPE,
         stderr=asyncio.subprocess.PIPE,
-        preexec_fn=_own_session,
+        **own_group(yielding=True),
     )
+    yield_to_others(process.pid)
     assert process.stdout is not None and process.stderr is not None
     output = asyncio.create_task(process.stdout.read())
     try:
@@ -209,11 +210,6 @@ def ended(job: AnalysisJob, code: int) -> AnalysisJob:
     summary = summary_of(job.kind, job.out) if job.out is not None else ()
     page = page_of(job.kind, job.out) if job.out is not None else None
     return replace(job, outcome="done", lines=lines, summary=summary, page=page, process=None)
-
-
-def _own_session() -> None:
-    os.setsid()  # so that Ctrl-C reaches only the screen
-    os.nice(_NICENESS)
 
 
 def gains_of(report: Path, logs: Sequence[Path], out: Path) -> tuple[str, ...]:

@@ -41,12 +41,12 @@ from rover_sweep.tui.model.setup import (
     question_before,
     recall,
     remember,
-    serial_ports,
     with_systems,
     with_url,
 )
 from rover_sweep.tui.model.state import Asked, RunRecord, State, reduce
 from rover_sweep.vehicle import events as e
+from rover_sweep.vehicle.link.transport import serial_ports
 
 
 class Arrived(Message):

@@ -126,7 +126,7 @@ NOBODY = ("--connect", "tcp:127.0.0.1:1")
     [
         (("diff", *NOBODY), None, 4, "cannot open tcp:127.0.0.1:1: Connection refused"),
         (("pull", "--connect", "nonsense"), None, 2, "connection 'nonsense' is not understood"),
-        (("diff", "--connect", "/dev/null"), None, 4, "/dev/null is not a serial port; give the vehicle's"),
+        (("diff", "--connect", "/dev/null"), None, 4, "/dev/null is not a serial port; "),
         (("diff", "none.param", *NOBODY), None, 2, "there is no file none.param"),
         (("diff", "f.param", *NOBODY), b"ONE 2 3", 2, "f.param, line 1: 'ONE 2 3' is not NAME value"),
         (("diff", "f.param", *NOBODY), b"\xff\xfe\x00", 2, "it is not text"),

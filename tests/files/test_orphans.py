@@ -14,7 +14,7 @@ import pytest
 PROGRAM = """
 import multiprocessing, os, sys, time
 from concurrent.futures import ProcessPoolExecutor
-from rover_sweep.files.replaced import end_with_parent
+from rover_sweep.system import end_with_parent
 
 if __name__ == "__main__":
     context = multiprocessing.get_context(sys.argv[1])

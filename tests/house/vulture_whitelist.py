@@ -5,6 +5,7 @@ from typing import Any
 it: Any = None
 
 _ = [
+    it.baudrate,  # pyserial sets the speed of an open port
     # called by click, IPython, textual and textual-serve
     it.list_commands,
     it.get_command,

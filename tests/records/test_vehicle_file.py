@@ -233,6 +233,19 @@ def test_writing_changes_one_number_and_nothing_else(tmp_path: Path) -> None:
     assert changed[0][1].split("#")[1] == changed[0][0].split("#")[1]
 
 
+@pytest.mark.parametrize("encoding", ["utf-16", "utf-8-sig", "utf-8"])
+@pytest.mark.parametrize("end", ["\n", "\r\n"])
+def test_a_file_as_windows_writes_it(tmp_path: Path, encoding: str, end: str) -> None:
+    """PowerShell's `rover-sweep vehicle --example > rover.toml`, and the editor of Windows."""
+    path = tmp_path / "rover.toml"
+    path.write_bytes(example().replace("\n", end).encode(encoding))
+    assert load(path) == parse(example())
+    set_number(path, "vehicle.mass", Measured(3.0))
+    assert load(path).mass == Measured(3.0) and path.read_bytes().count(b"\r\n") == (
+        0 if end == "\n" else example().count("\n")
+    )
+
+
 @pytest.mark.parametrize(
     "text",
     [

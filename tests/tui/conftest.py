@@ -7,4 +7,4 @@ import pytest
 
 @pytest.fixture(autouse=True)
 def no_ports(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("rover_sweep.tui.session_app.serial_ports", lambda: ("/dev/ttyACM0,115200",))
+    monkeypatch.setattr("rover_sweep.tui.session_app.serial_ports", lambda: {"/dev/ttyACM0,115200": ""})

@@ -17,7 +17,7 @@ from aiohttp import ClientSession, WSServerHandshakeError, web
 from rover_sweep.cli.commands import session as served_session
 from rover_sweep.cli.commands.session import program
 from rover_sweep.cli.main import run
-from rover_sweep.files.replaced import end_with_parent
+from rover_sweep.system import end_with_parent
 from rover_sweep.tui import session_server
 from rover_sweep.tui.session_server import SessionServer
 

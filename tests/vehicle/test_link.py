@@ -24,7 +24,13 @@ from rover_sweep.vehicle.setup import reboot
         ("udp:0.0.0.0:14550", Address("udpin", "0.0.0.0", 14550)),
         ("udpout:10.0.0.2:14550", Address("udpout", "10.0.0.2", 14550)),
         ("/dev/ttyACM0,921600", Address("serial", "/dev/ttyACM0", 921600)),
-        ("/dev/ttyUSB0", Address("serial", "/dev/ttyUSB0", 115200)),
+        ("/dev/ttyUSB0", Address("serial", "/dev/ttyUSB0", 0)),
+        ("/dev/ttyUSB0:57600", Address("serial", "/dev/ttyUSB0", 57600)),
+        ("com12", Address("serial", "COM12", 0)),
+        ("COM5:57600", Address("serial", "COM5", 57600)),
+        ("COM5,57600", Address("serial", "COM5", 57600)),
+        ("/dev/serial/by-path/usb-0:1:1.0", Address("serial", "/dev/serial/by-path/usb-0:1:1.0", 0)),
+        ("/dev/serial/by-path/usb-0:1,9600", Address("serial", "/dev/serial/by-path/usb-0:1", 9600)),
     ],
 )
 def test_urls(url: str, address: Address) -> None:

@@ -76,7 +76,7 @@ def bench(
     from rover_sweep.bench.drive import BenchPlan, WheelSource, programme
     from rover_sweep.bench.evaluate import evaluate
     from rover_sweep.data.vehicle_file import load
-    from rover_sweep.vehicle.link.transport import parse_url
+    from rover_sweep.vehicle.link.transport import looks_like_url, parse_url
 
     path = Path(vehicle_path(vehicle))
     load(path)
@@ -92,7 +92,7 @@ def bench(
         if hand == (wheel_imu is not None):
             raise click.UsageError("choose how to measure the wheel angle: --hand or --wheel-imu FILE or URL")
         wheel = None
-        if wheel_imu and wheel_imu.startswith(("tcp:", "udp", "/dev/")):
+        if wheel_imu and looks_like_url(wheel_imu):
             parse_url(wheel_imu)
             wheel = WheelSource(url=wheel_imu)
         elif wheel_imu:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import os
 import re
-import select
 import signal
 import sys
 import threading
@@ -22,6 +21,7 @@ import click
 from rover_sweep.cli.views.output import echo, narration
 from rover_sweep.errors import UsageError
 from rover_sweep.files.documents import printable_lines
+from rover_sweep.system import STOP_SIGNALS, drop_typed
 
 if TYPE_CHECKING:
     from rover_sweep.bench.drive import Keep, Movement
@@ -33,20 +33,7 @@ def forget_typed() -> None:
     """Drop pending input of a terminal: a key pressed earlier must not move a vehicle. A pipe is not read."""
     with contextlib.suppress(OSError, ValueError, AttributeError):
         if sys.stdin.isatty():
-            _flush()
-
-
-def _flush() -> None:
-    try:
-        import termios
-    except ImportError:  # Windows
-        import msvcrt
-
-        while msvcrt.kbhit():  # type: ignore[attr-defined,unused-ignore]
-            msvcrt.getwch()  # type: ignore[attr-defined,unused-ignore]
-        return
-    with contextlib.suppress(termios.error):
-        termios.tcflush(sys.stdin.fileno(), termios.TCIFLUSH)
+            drop_typed()
 
 
 # Stopping a command from outside: Ctrl-C, `kill`, a closed terminal.
@@ -89,8 +76,7 @@ def let_go_on_signals() -> Iterator[None]:
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    names = [name for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
-    before = {getattr(signal, name): signal.getsignal(getattr(signal, name)) for name in names}
+    before = {number: signal.getsignal(number) for number in STOP_SIGNALS}
     for number, handler in before.items():
         if number == signal.SIGINT or handler != signal.SIG_IGN:
             signal.signal(number, signal.default_int_handler)
@@ -212,12 +198,26 @@ def parse_angle(text: str) -> float | None:
     return radians(-degrees if side == "r" else degrees)
 
 
+class _Reading(threading.Thread):
+    """One read of a file in a thread: Windows cannot be asked whether one would wait."""
+
+    def __init__(self, source: int) -> None:
+        super().__init__(name="read the terminal", daemon=True)
+        self._source, self.data = source, b""
+        self.start()
+
+    def run(self) -> None:
+        with contextlib.suppress(OSError):
+            self.data = os.read(self._source, 4096)
+
+
 class Terminal:
     """An `Operator` at a terminal. unasked: allow movements without asking (simulated rover)."""
 
     def __init__(self, say: Callable[[str], None], unasked: bool = False) -> None:
         self._say, self._unasked = say, unasked
         self._pending = b""
+        self._reading: _Reading | None = None  # stays, if a question is left without an answer
 
     def tell(self, text: str) -> None:
         self._say(text)
@@ -250,6 +250,8 @@ class Terminal:
         """Drop what was typed before the question."""
         if sys.stdin.isatty():
             self._pending = b""
+            if self._reading is not None and not self._reading.is_alive():  # typed after a question
+                self._reading = None
             forget_typed()
 
     def _line(self, keep: Keep) -> str:
@@ -262,10 +264,12 @@ class Terminal:
                 return text
             raise UsageError("no answer (end of input); the steering was released") from None
         while b"\n" not in self._pending:
+            if self._reading is None:
+                self._reading = _Reading(source)
             keep()
-            if not select.select([source], [], [], 0.0)[0]:
+            if self._reading.is_alive():
                 continue
-            data = os.read(source, 4096)
+            data, self._reading = self._reading.data, None
             if not data:
                 raise UsageError("no answer (end of input); the steering was released")
             self._pending += data

@@ -28,7 +28,6 @@ from rover_sweep.vehicle.preflight.read_rover import Check
 from rover_sweep.vehicle.run.controls import RunSettings
 
 _MOST = 8  # remembered connections
-_PORTS = ("/dev/serial/by-id/*", "/dev/ttyACM*", "/dev/ttyUSB*", "/dev/tty.usbmodem*", "/dev/tty.usbserial*")
 
 
 def _not_saved(plan: tuple[Row, ...]) -> None:
@@ -109,16 +108,6 @@ def with_url(memory: Memory, url: str) -> Memory:
     return Memory((url, *(other for other in memory.urls if other != url))[:_MOST], memory.dark)
 
 
-def serial_ports() -> tuple[str, ...]:
-    """Existing serial ports as URLs; each port once, by name if it has one."""
-    found: dict[str, str] = {}
-    for pattern in _PORTS:
-        path = Path(pattern)
-        for port in sorted(path.parent.glob(path.name)):
-            found.setdefault(os.path.realpath(port), f"{port},115200")
-    return tuple(found.values())
-
-
 # The connections to choose from: command line, used before, plugged in, usual.
 
 
@@ -134,16 +123,12 @@ class ConnectionChoice:
     system: int | None = None
 
 
-def places(given: str, remembered: tuple[str, ...], ports: tuple[str, ...]) -> tuple[ConnectionChoice, ...]:
-    """Each connection once, the most likely first."""
-    found: dict[str, str] = {}
-    for urls, origin in (
-        ((given,) if given else (), "command line"),
-        (remembered, "used before"),
-        (ports, "plugged in"),
-        (USUAL, "usual"),
-    ):
-        for url in urls:
+def places(given: str, remembered: tuple[str, ...], ports: Mapping[str, str]) -> tuple[ConnectionChoice, ...]:
+    """Each connection once, the most likely first. ports: as of `serial_ports`."""
+    found = {given: "command line"} if given else {}
+    plugged = {port: f"plugged in{what and f': {what}'}" for port, what in ports.items()}
+    for origins in (dict.fromkeys(remembered, "used before"), plugged, dict.fromkeys(USUAL, "usual")):
+        for url, origin in origins.items():
             found.setdefault(url, origin)
     return tuple(ConnectionChoice(url, origin) for url, origin in found.items())
 

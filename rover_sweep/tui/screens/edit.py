@@ -325,7 +325,7 @@ class ConnectScreen(SessionScreen):
         self.redraw()
 
     def action_type_url(self) -> None:
-        hint = "tcp:HOST:PORT, udp:HOST:PORT (listen), udpout:HOST:PORT, or /dev/ttyACM0,115200"
+        hint = "tcp:HOST:PORT, udp:HOST:PORT (listen), udpout:HOST:PORT, COM5, or /dev/ttyUSB0,57600"
         self.app.push_screen(Typing("Connection:", hint, self.session.setup.url), self._typed)
 
     def _typed(self, url: str | None) -> None:

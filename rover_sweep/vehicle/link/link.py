@@ -29,7 +29,7 @@ from rover_sweep.vehicle.link.mavlink import (
 )
 from rover_sweep.vehicle.link.recorded_transport import TlogWriter
 from rover_sweep.vehicle.link.statustext import SILENCE
-from rover_sweep.vehicle.link.transport import Line, LiveLine
+from rover_sweep.vehicle.link.transport import Line, LiveLine, speeds_tried
 
 if TYPE_CHECKING:
     from mavsdk.mavsdk import Mavsdk
@@ -214,7 +214,7 @@ class Link(Requests):
                 f"{others}; give the id of your rover with --system"
             )
         return (
-            f"no heartbeat of an autopilot on {self.url} within {timeout:.0f} s; "
+            f"no heartbeat of an autopilot on {self.url}{speeds_tried(self.url)} within {timeout:.0f} s; "
             "is the vehicle on, is it the right port or baud rate, does that port speak MAVLink?"
         )
 

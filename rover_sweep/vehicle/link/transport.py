@@ -1,26 +1,36 @@
-"""Bytes to and from a vehicle over TCP, UDP or a serial line. Only UDP reads MAVLink: heartbeats show which
-address to answer (`greeting`)."""
+"""Bytes to and from a vehicle over TCP, UDP or a serial line. MAVLink is read only to
+find the vehicle: heartbeats show which UDP address to answer (`greeting`), frames a serial line's speed."""
 
 from __future__ import annotations
 
+import contextlib
+import errno
 import os
 import re
 import select
 import socket
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Protocol
+from itertools import cycle
+from pathlib import Path
+from typing import Any, Protocol
 
 from rover_sweep.errors import LinkError, UsageError
+from rover_sweep.files.documents import printable
+from rover_sweep.system import since_boot
 from rover_sweep.vehicle.link.greeting import Greeting
+from rover_sweep.vehicle.link.mavlink import Codec, Framer
 
 _CHUNK = 65536
 # Unread data slow down a vehicle that is simulated faster than real time. With a small buffer its clock
 # cannot run seconds ahead of the override that we send.
 _TCP_RECEIVE_BUFFER = 16384
 _UDP_RECEIVE_BUFFER = 4 << 20
-_BOOTTIME: int | None = getattr(time, "CLOCK_BOOTTIME", None)
+SPEEDS = (57600, 115200)  # of SiK radios, of ArduPilot's other ports; Bluetooth has one of them
+_SPEED_TRIED = 2.5  # s at one speed; a vehicle sends a heartbeat each second
+_SLICE = 0.01  # s: changing pyserial's timeout sets up the port anew, so a wait is made of these
 
 
 class Transport(Protocol):
@@ -79,8 +89,7 @@ class LiveLine:
         return time.monotonic()
 
     def since_boot(self) -> float:
-        # Linux: CLOCK_MONOTONIC stops in suspend. macOS has no CLOCK_BOOTTIME; there `wall` shows it.
-        return time.clock_gettime(_BOOTTIME) if _BOOTTIME is not None else time.monotonic()
+        return since_boot()
 
     def wall(self) -> float:
         return time.time()
@@ -95,42 +104,34 @@ class Address:
 
     scheme: str  # tcp, udpin, udpout, serial
     host: str
-    port: int  # the baud rate for serial
+    port: int  # for serial: the baud rate, 0 if not given
 
 
 def parse_url(url: str) -> Address:
-    """tcp:HOST:PORT, udp:HOST:PORT or udpin: (listen), udpout:HOST:PORT (send first), /dev/ttyX[,BAUD]."""
+    """tcp:HOST:PORT, udp:HOST:PORT or udpin: (listen), udpout:HOST:PORT (send first), a serial port with or
+    without its speed: COM5, COM5:57600, /dev/ttyUSB0,57600."""
+    if (found := _SERIAL.fullmatch(url)) is not None:
+        port, baud = found["port"], found["baud"]
+        return Address("serial", port.upper() if found["com"] else port, _number(baud, url) if baud else 0)
     scheme, _, rest = url.partition(":")
-    _refuse_colon(url)
-    if url.startswith("/dev/"):
-        device, _, baud = url.partition(",")
-        return Address("serial", device, _number(baud or "115200", url))
     host, _, port = rest.rpartition(":")
     if scheme not in ("tcp", "udp", "udpin", "udpout") or not port:
         raise UsageError(
             f"connection {url!r} is not understood; use tcp:HOST:PORT, udp:HOST:PORT (listen), "
-            "udpout:HOST:PORT, or a serial device as /dev/ttyACM0,115200"
+            "udpout:HOST:PORT, or a serial port as COM5, COM5:57600 or /dev/ttyUSB0,57600"
         )
     return Address("udpin" if scheme == "udp" else scheme, host.strip("/") or "127.0.0.1", _number(port, url))
 
 
-_COLON = re.compile(r"(?P<port>/dev/tty[\w.-]+|(?P<windows>COM\d+)):?,?(?P<baud>\d*)", re.IGNORECASE)
+# A name under /dev/serial/by-path holds colons: there only a comma begins the speed.
+_SERIAL = re.compile(
+    r"(?P<port>(?P<com>COM\d+)|/dev/(?:tty|cu)[^:,]*|/dev/[^,]+)(?:[:,](?P<baud>.*))?", re.IGNORECASE
+)
 
 
-def _refuse_colon(url: str) -> None:
-    """UsageError for a serial port in another program's form: /dev/ttyUSB0:57600, COM3:57600."""
-    found = _COLON.fullmatch(url)
-    if found is not None and found["windows"]:
-        raise UsageError(
-            f"connection {url!r} is a serial port of Windows, which this program cannot open; let a ground "
-            "station forward the vehicle by UDP and give udp:0.0.0.0:14550, or use Linux or macOS with "
-            f"/dev/ttyUSB0,{found['baud'] or 57600}"
-        )
-    if found is not None and ":" in url:
-        raise UsageError(
-            f"connection {url!r} is not understood; write a comma before the baud rate: "
-            f"{found['port']},{found['baud'] or 57600}"
-        )
+def looks_like_url(text: str) -> bool:
+    """Whether a text is meant as a connection, not as a file."""
+    return text.startswith(("tcp:", "udp")) or _SERIAL.fullmatch(text) is not None
 
 
 def _number(text: str, url: str) -> int:
@@ -153,10 +154,6 @@ def open_transport(url: str, timeout: float = 5.0) -> Transport:
 
 
 def _advice(address: Address) -> str:
-    if address.scheme == "serial":
-        return (
-            "is the vehicle plugged in, is another program using the port, may you read it (group dialout)?"
-        )
     if address.scheme == "udpin":
         return "is another ground station listening on that port?"
     return "is the vehicle running and is that its address?"
@@ -192,6 +189,10 @@ class Tcp(Transport):
         self._socket.close()
 
 
+# Nobody listens there yet (Windows: reset); the heartbeat watch tells when for too long.
+_NOBODY = (ConnectionRefusedError, ConnectionResetError)
+
+
 class Udp(Transport):
     """UDP, listening or sending first; `Greeting` decides which address is the vehicle."""
 
@@ -212,9 +213,7 @@ class Udp(Transport):
             return b""
         try:
             data, address = self._socket.recvfrom(_CHUNK)
-        except (
-            ConnectionRefusedError
-        ):  # nobody listens there yet; the heartbeat watch tells when for too long
+        except _NOBODY:
             return b""
         return data if self._greeting.takes(data, address, time.monotonic()) else b""
 
@@ -223,7 +222,7 @@ class Udp(Transport):
             return
         try:
             self._socket.sendto(data, self._greeting.peer)
-        except ConnectionRefusedError:
+        except _NOBODY:
             return
 
     def settle(self, system: int) -> None:
@@ -239,45 +238,111 @@ class Udp(Transport):
         self._socket.close()
 
 
+def speeds_tried(url: str) -> str:
+    """Words on the speeds that `Serial` tries on this connection; "" if one is given, or it has none."""
+    without = (found := _SERIAL.fullmatch(url)) is not None and not found["baud"]
+    return f" at {' or '.join(map(str, SPEEDS))} baud" if without else ""
+
+
 class Serial(Transport):
-    """A serial line, raw 8N1, by termios."""
+    """A serial line, 8N1, by pyserial, for this program alone. Without a speed (baud 0) the usual ones are
+    tried in turn until a whole frame is heard."""
 
     def __init__(self, device: str, baud: int) -> None:
-        import termios
+        import serial
 
-        speed = getattr(termios, f"B{baud}", None)
-        if speed is None:
-            raise UsageError(
-                f"serial ports do not support baud rate {baud}; 57600, 115200 and 921600 are usual"
-            )
-        self._fd = os.open(device, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+        self._framer, self._codec = Framer(), Codec()
+        self._untried = None if baud else cycle(SPEEDS)
+        self._change = time.monotonic() + _SPEED_TRIED
+        speed = baud or next(self._untried or iter(SPEEDS))
+        self._takes_no_data = serial.SerialTimeoutException
         try:
-            cc = termios.tcgetattr(self._fd)[6]
-            cc[termios.VMIN], cc[termios.VTIME] = 0, 0
-            control = termios.CS8 | termios.CREAD | termios.CLOCAL
-            termios.tcsetattr(self._fd, termios.TCSANOW, [0, 0, control, 0, speed, speed, cc])
-        except (OSError, termios.error) as error:
-            os.close(self._fd)
-            raise LinkError(
-                f"{device} is not a serial port; give the vehicle's, such as /dev/ttyACM0 or /dev/ttyUSB0"
-            ) from error
+            self._port = serial.Serial(device, speed, timeout=_SLICE, write_timeout=1.0, exclusive=True)
+        except Exception as error:  # SerialException is an OSError; ValueError; termios.error
+            raise _not_opened(device, speed, error) from error
 
     def receive(self, timeout: float) -> bytes:
-        if not select.select([self._fd], [], [], max(timeout, 0.0))[0]:
-            return b""
-        try:
-            data = os.read(self._fd, _CHUNK)
-        except BlockingIOError:
-            return b""
-        if not data:
-            raise ConnectionResetError("the serial device went away")
+        until = time.monotonic() + timeout
+        data = b""
+        with _plugged_in():
+            while not data and (self._port.in_waiting or time.monotonic() < until):
+                data = self._port.read(1)  # waits for at most _SLICE
+            if data:
+                data += self._port.read(min(self._port.in_waiting, _CHUNK))
+            if self._untried is not None:
+                self._try_speeds(self._untried, data)
         return data
 
+    def _try_speeds(self, untried: Iterator[int], data: bytes) -> None:
+        if any(is_frame and self._codec.decode(frame) for frame, is_frame in self._framer.feed(data)):
+            self._untried = None
+        elif time.monotonic() >= self._change:
+            self._change = time.monotonic() + _SPEED_TRIED
+            self._framer = Framer()
+            self._port.baudrate = next(untried)
+
     def send(self, data: bytes) -> None:
-        while data:
-            if not select.select([], [self._fd], [], 1.0)[1]:
-                raise ConnectionResetError("the serial device takes no data")
-            data = data[os.write(self._fd, data) :]
+        with _plugged_in():
+            try:
+                self._port.write(data)
+            except self._takes_no_data:
+                raise ConnectionResetError("the serial device takes no data") from None
 
     def close(self) -> None:
-        os.close(self._fd)
+        with contextlib.suppress(OSError):
+            self._port.close()
+
+
+@contextmanager
+def _plugged_in() -> Iterator[None]:
+    """ConnectionResetError for what pyserial raises when the device is unplugged or closed."""
+    try:
+        yield
+    except ConnectionResetError:
+        raise
+    except Exception as error:  # OSError, TypeError (closed), termios.error
+        raise ConnectionResetError("the serial device went away") from error
+
+
+def _not_opened(device: str, speed: int, error: Exception) -> LinkError | UsageError:
+    """What to do about a serial port that did not open. On Windows only pyserial's text has the reason."""
+    number, text = getattr(error, "errno", None), str(error)
+    if isinstance(error, ValueError):
+        return UsageError(f"{device} does not support baud rate {speed}; 57600 and 115200 are usual")
+    if number == errno.ENOENT or "FileNotFoundError" in text:
+        return LinkError(f"there is no serial port {device}; {_ports_words()}")
+    if number in (errno.EACCES, errno.EPERM):
+        return LinkError(f"you may not use {device}: join the group dialout (Linux), and log in again")
+    if number in (errno.EBUSY, errno.EAGAIN) or "PermissionError" in text:
+        return LinkError(
+            f"another program uses {device}; close it (Mission Planner, MAVProxy, another session)"
+        )
+    if number is None and "Could not configure" in text:
+        return LinkError(f"{device} is not a serial port; {_ports_words()}")
+    return LinkError(f"cannot open {device}: {os.strerror(number) if number else text}; {_ports_words()}")
+
+
+def _ports_words() -> str:
+    ports = serial_ports()
+    if not ports:
+        return "no serial port is plugged in: is the vehicle on, and its cable one that carries data?"
+    return "plugged in: " + ", ".join(f"{port}{what and f': {what}'}" for port, what in ports.items())
+
+
+_BY_NAME = "/dev/serial/by-id"  # Linux: names that stay the same when a port is plugged in again
+
+
+def serial_ports() -> dict[str, str]:
+    """{port: what is plugged in, "" if unknown}, USB first, on Linux by its lasting name."""
+    from serial.tools.list_ports import comports
+
+    named = {os.path.realpath(path): str(path) for path in sorted(Path(_BY_NAME).glob("*"), reverse=True)}
+    found = [port for port in comports() if port.vid is not None or not port.device.startswith("/dev/ttyS")]
+    found.sort(key=lambda port: (port.vid is None, len(port.device), port.device))
+    return {named.get(port.device, port.device): _what(port.description or "", port) for port in found}
+
+
+def _what(description: str, port: Any) -> str:
+    """What the system calls the device: Windows adds the port, and pyserial gives n/a or the port's name."""
+    words = description.removesuffix(f"({port.device})").strip()
+    return "" if words in ("n/a", port.name, port.device) else printable(words)
