@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import AsyncIterator, Mapping, Sequence
+import asyncio
+from collections.abc import AsyncIterator, Awaitable, Callable, Mapping, Sequence
 from contextlib import asynccontextmanager
 from dataclasses import replace
+from functools import wraps
+from inspect import signature
 from pathlib import Path
+from typing import Any
 from unittest import mock
 
 from scripted_source import (
     CHECKS,
-    ROVER,
     SWEEP,
     TLOG,
     URL,
@@ -41,6 +44,7 @@ SETUP = Setup(url=URL, folder=Path("session"), vehicle_path=ROVER_FILE, vehicle=
 OWN = RunSettings(arm=True, throttle_us=1710, trigger="override")
 
 Step = str | Sequence[Update]  # a key, or what the source tells
+Then = Callable[..., Awaitable[None]]
 
 _READY: tuple[Step, ...] = ("enter", connected(), [Ended(Preflight())])
 _DRIVEN: tuple[Step, ...] = (*_READY, "3", "g", under_way())
@@ -186,6 +190,33 @@ async def playing(
         yield app, source, pilot
 
 
+def played(
+    steps: Sequence[Step], setup: Setup = SETUP, size: tuple[int, int] = (80, 24)
+) -> Callable[[Then], Callable[..., None]]:
+    """Makes a test of an `async def test(app, source, pilot, ...)` that goes on after these steps."""
+
+    def made(then: Then) -> Callable[..., None]:
+        @wraps(then)
+        def test(**given: Any) -> None:
+            async def run() -> None:
+                async with playing(steps, size, setup) as (app, source, pilot):
+                    await then(app, source, pilot, **given)
+
+            asyncio.run(run())
+
+        asked = signature(then)
+        rest = [p for name, p in asked.parameters.items() if name not in ("app", "source", "pilot")]
+        test.__signature__ = asked.replace(parameters=rest)  # type: ignore[attr-defined]
+        return test
+
+    return made
+
+
+def after(steps: Sequence[Step], then: Then, setup: Setup = SETUP) -> None:
+    """Plays the steps, then what the test does."""
+    played(steps, setup)(then)()
+
+
 def _arrived(app: SweepApp, source: ScriptedSource, step: Sequence[Update]) -> None:
     """All of them reach the state one by one; they are drawn once."""
     with mock.patch.object(app, "redraw"):
@@ -201,6 +232,3 @@ def all_scenes() -> dict[str, tuple[Sequence[Step], Setup]]:
     return {name: (steps, SETUP) for name, steps in SCENES.items()} | {
         name: (steps, own) for name, steps in OWN_SCENES.items()
     }
-
-
-__all__ = ["FAST", "OWN", "ROVER", "SCENES", "SETUP", "WORKED_OUT", "all_scenes", "playing"]

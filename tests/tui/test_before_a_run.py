@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import pytest
-from scenes import FAST, OWN, SETUP, Step
+from scenes import FAST, OWN, SETUP, Step, after, played
 from scripted_source import CHECKS, VERDICT, ScriptedSource, drive, finished, under_way
 from seen import text_of
-from test_tui_keys import DRIVEN, OWN_SETUP, READY, after, drives, press
+from test_tui_keys import DRIVEN, OWN_SETUP, READY, drives, press
 from textual.pilot import Pilot
 
 from rover_sweep.live.source import Checked, Ended, Judged
@@ -66,47 +66,39 @@ def test_a_run_that_is_kept_is_driven_again_only_with_a_yes(setup: Setup, begun:
     after(begun, then, setup)
 
 
-def test_a_run_that_is_not_kept_is_not_said_to_be() -> None:
-    async def then(app: SweepApp, source: ScriptedSource, pilot: Pilot[None]) -> None:
-        await press(pilot, "3", "up", "g")
-        assert "already KEEP" not in text_of(app) and len(drives(source)) == 2
-
-    after((*DRIVEN, finished()), then)
+@played((*DRIVEN, finished()))
+async def test_a_run_that_is_not_kept_is_not_said_to_be(app, source, pilot) -> None:
+    await press(pilot, "3", "up", "g")
+    assert "already KEEP" not in text_of(app) and len(drives(source)) == 2
 
 
-def test_a_throttle_that_is_too_high_is_lowered_by_a_key_and_asked_about() -> None:
-    async def then(app: SweepApp, source: ScriptedSource, pilot: Pilot[None]) -> None:
-        assert "the throttle of 1710 us is too high for 2 m/s" in words(app)
-        assert "T lowers the throttle to 1605 us; then G asks" in words(app)
-        await press(pilot, "t")
-        assert len(drives(source)) == 1, "the key drives nothing"
-        assert "with throttle 1605 us" in words(app)
-        await press(pilot, "t")
-        assert app.setup.settings.throttle_us == 1605, "once only"
-        await press(pilot, "g")
-        assert "drives it with throttle 1605 us" in words(app) and len(drives(source)) == 1
-        await press(pilot, "n", "g", "y")
-        assert [run.settings for run in drives(source)] == [OWN, replace(OWN, throttle_us=1605)]
-
-    after((*READY, "3", "g", *TOO_FAST), then, OWN_SETUP)
+@played((*READY, "3", "g", *TOO_FAST), OWN_SETUP)
+async def test_a_throttle_that_is_too_high_is_lowered_by_a_key_and_asked_about(app, source, pilot) -> None:
+    assert "the throttle of 1710 us is too high for 2 m/s" in words(app)
+    assert "T lowers the throttle to 1605 us; then G asks" in words(app)
+    await press(pilot, "t")
+    assert len(drives(source)) == 1, "the key drives nothing"
+    assert "with throttle 1605 us" in words(app)
+    await press(pilot, "t")
+    assert app.setup.settings.throttle_us == 1605, "once only"
+    await press(pilot, "g")
+    assert "drives it with throttle 1605 us" in words(app) and len(drives(source)) == 1
+    await press(pilot, "n", "g", "y")
+    assert [run.settings for run in drives(source)] == [OWN, replace(OWN, throttle_us=1605)]
 
 
-def test_a_throttle_set_otherwise_is_not_changed_by_an_old_verdict() -> None:
-    async def then(app: SweepApp, source: ScriptedSource, pilot: Pilot[None]) -> None:
-        app.setup = replace(app.setup, settings=replace(OWN, throttle_us=1550))
-        app.redraw()
-        await press(pilot, "t")
-        assert app.setup.settings.throttle_us == 1550
-        assert "T lowers" not in words(app)
-
-    after((*READY, "3", "g", *TOO_FAST), then, OWN_SETUP)
+@played((*READY, "3", "g", *TOO_FAST), OWN_SETUP)
+async def test_a_throttle_set_otherwise_is_not_changed_by_an_old_verdict(app, source, pilot) -> None:
+    app.setup = replace(app.setup, settings=replace(OWN, throttle_us=1550))
+    app.redraw()
+    await press(pilot, "t")
+    assert app.setup.settings.throttle_us == 1550
+    assert "T lowers" not in words(app)
 
 
-def test_a_yes_counts_only_for_what_was_asked() -> None:
-    async def then(app: SweepApp, source: ScriptedSource, pilot: Pilot[None]) -> None:
-        await press(pilot, "g")
-        app.setup = replace(app.setup, settings=replace(OWN, throttle_us=1800))
-        await press(pilot, "y")
-        assert not drives(source)
-
-    after((*READY, "3"), then, OWN_SETUP)
+@played((*READY, "3"), OWN_SETUP)
+async def test_a_yes_counts_only_for_what_was_asked(app, source, pilot) -> None:
+    await press(pilot, "g")
+    app.setup = replace(app.setup, settings=replace(OWN, throttle_us=1800))
+    await press(pilot, "y")
+    assert not drives(source)

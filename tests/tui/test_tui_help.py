@@ -10,12 +10,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scenes import SETUP, playing
-from scripted_source import ROVER, SWEEP, ScriptedSource, connected, under_way
+from scenes import SETUP, played, playing
+from scripted_source import ROVER, SWEEP, connected, under_way
 from seen import text_of
-from test_tui_keys import DRIVEN, READY, after, drives, press
+from test_tui_keys import DRIVEN, READY, drives, press
 from textual.command import CommandPalette
-from textual.pilot import Pilot
 
 from rover_sweep.api.read import with_delta
 from rover_sweep.data.braille import braille_lines
@@ -52,44 +51,38 @@ async def until(app: SweepApp, words: str) -> None:
         await asyncio.sleep(0.05)
 
 
-def test_every_view_tells_its_keys_and_how_to_stop_first() -> None:
-    async def then(app: SweepApp, source: ScriptedSource, pilot: Pilot[None]) -> None:
-        for number, view in enumerate(VIEWS, 1):
-            await press(pilot, str(number), "question_mark")
-            shown = text_of(app)
-            assert shown.index("SPACE or ESC ends a run at once") < shown.index(f"Keys of {view}")
-            asked = list(source.asked)
-            await press(pilot, "g")  # closes it, and does nothing else
-            assert not isinstance(app.screen, KeysHelp) and source.asked == asked
-        assert drives(source) == []
-
-    after(READY, then)
+@played(READY)
+async def test_every_view_tells_its_keys_and_how_to_stop_first(app, source, pilot) -> None:
+    for number, view in enumerate(VIEWS, 1):
+        await press(pilot, str(number), "question_mark")
+        shown = text_of(app)
+        assert shown.index("SPACE or ESC ends a run at once") < shown.index(f"Keys of {view}")
+        asked = list(source.asked)
+        await press(pilot, "g")  # closes it, and does nothing else
+        assert not isinstance(app.screen, KeysHelp) and source.asked == asked
+    assert drives(source) == []
 
 
-def test_space_aborts_from_the_help_and_from_the_palette() -> None:
-    async def then(app: SweepApp, source: ScriptedSource, pilot: Pilot[None]) -> None:
-        await press(pilot, "question_mark", "space")
-        assert source.aborted == 1
-        app.pop_screen()
-        await press(pilot, "ctrl+p", "escape")
-        assert source.aborted == 2
-
-    after((*DRIVEN, "y", under_way()), then)
+@played((*DRIVEN, "y", under_way()))
+async def test_space_aborts_from_the_help_and_from_the_palette(app, source, pilot) -> None:
+    await press(pilot, "question_mark", "space")
+    assert source.aborted == 1
+    app.pop_screen()
+    await press(pilot, "ctrl+p", "escape")
+    assert source.aborted == 2
 
 
-def test_the_palette_finds_a_view_and_never_drives() -> None:
-    async def then(app: SweepApp, source: ScriptedSource, pilot: Pilot[None]) -> None:
-        await press(pilot, "3", "ctrl+p")
-        assert isinstance(app.screen, CommandPalette)
-        await press(pilot, *"results")
-        await until(app, "view results (7)")
-        await press(pilot, "enter", "enter")
-        await until(app, "[7 RESULTS]")
-        await press(pilot, "3", "ctrl+p", *"drive", "enter", "enter")
-        await pilot.pause(0.3)
-        assert drives(source) == []
-
-    after(READY, then)
+@played(READY)
+async def test_the_palette_finds_a_view_and_never_drives(app, source, pilot) -> None:
+    await press(pilot, "3", "ctrl+p")
+    assert isinstance(app.screen, CommandPalette)
+    await press(pilot, *"results")
+    await until(app, "view results (7)")
+    await press(pilot, "enter", "enter")
+    await until(app, "[7 RESULTS]")
+    await press(pilot, "3", "ctrl+p", *"drive", "enter", "enter")
+    await pilot.pause(0.3)
+    assert drives(source) == []
 
 
 def test_a_question_is_not_covered_by_the_palette() -> None:

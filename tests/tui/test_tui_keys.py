@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import asyncio
-from collections.abc import Awaitable, Callable, Sequence
 from dataclasses import replace
 
 import pytest
-from scenes import OWN, SETUP, Step, playing
+from scenes import OWN, SETUP, Step, after, played
 from scripted_source import (
     CHECKS,
     SWEEP,
@@ -41,7 +39,6 @@ from rover_sweep.session.session import SessionRun
 from rover_sweep.tui.app import SweepApp
 from rover_sweep.tui.drawn import Question
 from rover_sweep.tui.model.plan_rows import Row
-from rover_sweep.tui.model.setup import Setup
 from rover_sweep.tui.screens.frame import VIEWS
 from rover_sweep.vehicle import events as e
 from rover_sweep.vehicle.link.connection import Heard, SeveralVehicles
@@ -49,18 +46,6 @@ from rover_sweep.vehicle.link.connection import Heard, SeveralVehicles
 READY: tuple[Step, ...] = ("enter", connected(), [Ended(Preflight())])
 DRIVEN: tuple[Step, ...] = (*READY, "3", "g", under_way())
 OWN_SETUP = replace(SETUP, settings=OWN)
-
-Then = Callable[[SweepApp, ScriptedSource, Pilot[None]], Awaitable[None]]
-
-
-def after(steps: Sequence[Step], then: Then, setup: Setup = SETUP, size: tuple[int, int] = (80, 24)) -> None:
-    """Plays the steps, then what the test does."""
-
-    async def run() -> None:
-        async with playing(steps, size, setup) as (app, source, pilot):
-            await then(app, source, pilot)
-
-    asyncio.run(run())
 
 
 async def press(pilot: Pilot[None], *keys: str) -> None:
@@ -73,30 +58,24 @@ def drives(source: ScriptedSource) -> list[DriveRequest]:
     return [request for request in source.asked if isinstance(request, DriveRequest)]
 
 
-def test_nothing_is_asked_without_a_key() -> None:
-    async def then(app: SweepApp, source: ScriptedSource, pilot: Pilot[None]) -> None:
-        for told in (*connected()[:1], snapshot(1.0), Checked(CHECKS), *under_way(), *finished()[:3]):
-            source.tell(told)
-            await pilot.pause(0)
-        assert source.asked == [] and source.aborted == 0
-
-    after((), then)
+@played(())
+async def test_nothing_is_asked_without_a_key(app, source, pilot) -> None:
+    for told in (*connected()[:1], snapshot(1.0), Checked(CHECKS), *under_way(), *finished()[:3]):
+        source.tell(told)
+        await pilot.pause(0)
+    assert source.asked == [] and source.aborted == 0
 
 
-def test_enter_connects_and_looks() -> None:
-    async def then(app: SweepApp, source: ScriptedSource, pilot: Pilot[None]) -> None:
-        assert source.asked == [Connect(URL), Preflight()]
-        assert "[2 PREFLIGHT]" in text_of(app)
-
-    after(("enter", connected()), then)
+@played(("enter", connected()))
+async def test_enter_connects_and_looks(app, source, pilot) -> None:
+    assert source.asked == [Connect(URL), Preflight()]
+    assert "[2 PREFLIGHT]" in text_of(app)
 
 
-def test_a_connection_that_fails_is_a_sentence_and_not_looked_at() -> None:
-    async def then(app: SweepApp, source: ScriptedSource, pilot: Pilot[None]) -> None:
-        assert source.asked == [Connect(URL)]
-        assert "✗ no rover answers on tcp:127.0.0.1:5760" in text_of(app)
-
-    after(("enter", [Ended(Connect(URL), "no rover answers on tcp:127.0.0.1:5760")]), then)
+@played(("enter", [Ended(Connect(URL), "no rover answers on tcp:127.0.0.1:5760")]))
+async def test_a_connection_that_fails_is_a_sentence_and_not_looked_at(app, source, pilot) -> None:
+    assert source.asked == [Connect(URL)]
+    assert "✗ no rover answers on tcp:127.0.0.1:5760" in text_of(app)
 
 
 def test_of_several_rovers_one_is_chosen_in_the_list() -> None:
@@ -111,19 +90,17 @@ def test_of_several_rovers_one_is_chosen_in_the_list() -> None:
     after(("enter", [both, refused]), then)
 
 
-def test_a_throttle_sweep_is_planned_by_a_key_and_confirmed_as_any_run() -> None:
-    async def then(app: SweepApp, source: ScriptedSource, pilot: Pilot[None]) -> None:
-        await press(pilot, "3", "h")
-        row = app.plan[app.chosen]
-        assert (row.name, row.manoeuvre) == ("throttle1", ThrottleSweep(amplitude=30))
-        assert drives(source) == []
-        await press(pilot, "g")
-        assert isinstance(app.screen, Question) and "throttle1" in text_of(app) and drives(source) == []
-        await press(pilot, "n", "g", "y")
-        (asked,) = drives(source)
-        assert asked.planned == SessionRun("throttle1", ThrottleSweep(amplitude=30), 2.0)
-
-    after(READY, then, OWN_SETUP)
+@played(READY, OWN_SETUP)
+async def test_a_throttle_sweep_is_planned_by_a_key_and_confirmed_as_any_run(app, source, pilot) -> None:
+    await press(pilot, "3", "h")
+    row = app.plan[app.chosen]
+    assert (row.name, row.manoeuvre) == ("throttle1", ThrottleSweep(amplitude=30))
+    assert drives(source) == []
+    await press(pilot, "g")
+    assert isinstance(app.screen, Question) and "throttle1" in text_of(app) and drives(source) == []
+    await press(pilot, "n", "g", "y")
+    (asked,) = drives(source)
+    assert asked.planned == SessionRun("throttle1", ThrottleSweep(amplitude=30), 2.0)
 
 
 def test_in_a_throttle_sweep_the_pilot_steers() -> None:
@@ -140,244 +117,204 @@ def test_in_a_throttle_sweep_the_pilot_steers() -> None:
     after((*READY, "3", "h", "g", begin), then)
 
 
-def test_a_remedy_takes_one_key_and_is_looked_at_again() -> None:
-    async def then(app: SweepApp, source: ScriptedSource, pilot: Pilot[None]) -> None:
-        await press(pilot, "f")  # the applet, the first that is bad
-        assert source.asked[-1] == Fix("applet")
-        source.tell(Ended(Fix("applet")))
-        await pilot.pause()
-        assert source.asked[-1] == Preflight()  # looked at again
-
-    after(READY, then)
+@played(READY)
+async def test_a_remedy_takes_one_key_and_is_looked_at_again(app, source, pilot) -> None:
+    await press(pilot, "f")  # the applet, the first that is bad
+    assert source.asked[-1] == Fix("applet")
+    source.tell(Ended(Fix("applet")))
+    await pilot.pause()
+    assert source.asked[-1] == Preflight()  # looked at again
 
 
-def test_a_capital_letter_is_its_key() -> None:
-    async def then(app: SweepApp, source: ScriptedSource, pilot: Pilot[None]) -> None:
-        await press(pilot, "F")  # as shown on the screen; with Caps Lock, each letter
-        await pilot.pause()
-        assert source.asked[-1] == Fix("applet")
-
-    after(READY, then)
+@played(READY)
+async def test_a_capital_letter_is_its_key(app, source, pilot) -> None:
+    await press(pilot, "F")  # as shown on the screen; with Caps Lock, each letter
+    await pilot.pause()
+    assert source.asked[-1] == Fix("applet")
 
 
 @pytest.mark.parametrize("no", ["space", "enter", "escape", "n"])
-def test_only_y_reboots(no: str) -> None:
-    async def then(app: SweepApp, source: ScriptedSource, pilot: Pilot[None]) -> None:
-        await press(pilot, "down", "f", no)
-        assert not any(isinstance(request, Fix) for request in source.asked)
-        await press(pilot, "f", "y")
-        assert source.asked[-1] == Fix("parameters", reboot=True)
-
-    after(READY, then)
+@played(READY)
+async def test_only_y_reboots(app, source, pilot, no: str) -> None:
+    await press(pilot, "down", "f", no)
+    assert not any(isinstance(request, Fix) for request in source.asked)
+    await press(pilot, "f", "y")
+    assert source.asked[-1] == Fix("parameters", reboot=True)
 
 
-def test_what_only_a_person_can_do_is_no_key() -> None:
-    async def then(app: SweepApp, source: ScriptedSource, pilot: Pilot[None]) -> None:
-        await press(pilot, *["down"] * 7, "f")
-        assert "BY HAND: throw switch 6 low" in text_of(app)
-        assert source.asked[-1] == Preflight()
-
-    after(READY, then)
+@played(READY)
+async def test_what_only_a_person_can_do_is_no_key(app, source, pilot) -> None:
+    await press(pilot, *["down"] * 7, "f")
+    assert "BY HAND: throw switch 6 low" in text_of(app)
+    assert source.asked[-1] == Preflight()
 
 
 @pytest.mark.parametrize("no", ["space", "enter", "escape", "g", "n"])
-def test_a_run_that_arms_asks_once_per_run_and_only_y_says_yes(no: str) -> None:
-    async def then(app: SweepApp, source: ScriptedSource, pilot: Pilot[None]) -> None:
-        await press(pilot, no)
-        assert not drives(source)
-        await press(pilot, "g", "y")
-        (asked,) = drives(source)
-        assert asked.settings == OWN and asked.planned.name == "sweep1"
-        for told in (*under_way(), *finished()[:3], Ended(asked)):
-            source.tell(told)
-            await pilot.pause(0)
-        await pilot.pause()
-        await press(pilot, "3", "g")
-        assert len(drives(source)) == 1, "the next run asks again"
-        await press(pilot, "y")
-        assert [run.planned.name for run in drives(source)] == ["sweep1", "sweep2"]
-
-    after((*READY, "3", "g"), then, OWN_SETUP)
+@played((*READY, "3", "g"), OWN_SETUP)
+async def test_a_run_that_arms_asks_once_per_run_and_only_y_says_yes(app, source, pilot, no: str) -> None:
+    await press(pilot, no)
+    assert not drives(source)
+    await press(pilot, "g", "y")
+    (asked,) = drives(source)
+    assert asked.settings == OWN and asked.planned.name == "sweep1"
+    for told in (*under_way(), *finished()[:3], Ended(asked)):
+        source.tell(told)
+        await pilot.pause(0)
+    await pilot.pause()
+    await press(pilot, "3", "g")
+    assert len(drives(source)) == 1, "the next run asks again"
+    await press(pilot, "y")
+    assert [run.planned.name for run in drives(source)] == ["sweep1", "sweep2"]
 
 
-def test_settings_are_those_of_the_command_line() -> None:
-    async def then(app: SweepApp, source: ScriptedSource, pilot: Pilot[None]) -> None:
-        (asked,) = drives(source)
-        settings = asked.settings
-        assert not settings.arm and settings.throttle_us is None and settings.trigger == "pilot"
-
-    after((*READY, "3", "g"), then)
+@played((*READY, "3", "g"))
+async def test_settings_are_those_of_the_command_line(app, source, pilot) -> None:
+    (asked,) = drives(source)
+    settings = asked.settings
+    assert not settings.arm and settings.throttle_us is None and settings.trigger == "pilot"
 
 
 @pytest.mark.parametrize("key", ["space", "escape"])
 @pytest.mark.parametrize("view", VIEWS)
-def test_abort_from_every_view(view: str, key: str) -> None:
-    async def then(app: SweepApp, source: ScriptedSource, pilot: Pilot[None]) -> None:
-        await press(pilot, str(VIEWS.index(view) + 1))
-        shown = text_of(app)
-        assert f"{view.upper()}]" in shown and "SPACE or ESC" in shown
-        await press(pilot, key)
-        assert source.aborted == 1
-        assert "ABORTING" in text_of(app), "the key is answered at once"
-        await press(pilot, key)
-        assert source.aborted == 2, "and works again"
-
-    after(DRIVEN, then)
+@played(DRIVEN)
+async def test_abort_from_every_view(app, source, pilot, view: str, key: str) -> None:
+    await press(pilot, str(VIEWS.index(view) + 1))
+    shown = text_of(app)
+    assert f"{view.upper()}]" in shown and "SPACE or ESC" in shown
+    await press(pilot, key)
+    assert source.aborted == 1
+    assert "ABORTING" in text_of(app), "the key is answered at once"
+    await press(pilot, key)
+    assert source.aborted == 2, "and works again"
 
 
-def test_abort_before_the_source_has_begun_and_while_a_row_is_edited() -> None:
-    async def then(app: SweepApp, source: ScriptedSource, pilot: Pilot[None]) -> None:
-        await press(pilot, "space")
-        assert source.aborted == 1
-        await press(pilot, "3", "e", "escape")
-        assert source.aborted == 2
-
-    after((*READY, "3", "g"), then)
+@played((*READY, "3", "g"))
+async def test_abort_before_the_source_has_begun_and_while_a_row_is_edited(app, source, pilot) -> None:
+    await press(pilot, "space")
+    assert source.aborted == 1
+    await press(pilot, "3", "e", "escape")
+    assert source.aborted == 2
 
 
-def test_abort_of_a_run_that_nobody_here_asked_for() -> None:
-    async def then(app: SweepApp, source: ScriptedSource, pilot: Pilot[None]) -> None:
-        await press(pilot, "space")
-        assert source.aborted == 1
-
-    after((*READY, [snapshot(3.0, state=6)]), then)
+@played((*READY, [snapshot(3.0, state=6)]))
+async def test_abort_of_a_run_that_nobody_here_asked_for(app, source, pilot) -> None:
+    await press(pilot, "space")
+    assert source.aborted == 1
 
 
-def test_without_a_run_abort_is_no_key() -> None:
-    async def then(app: SweepApp, source: ScriptedSource, pilot: Pilot[None]) -> None:
-        await press(pilot, "space", "escape")
-        assert source.aborted == 0 and "ABORT" not in text_of(app)
-
-    after(READY, then)
+@played(READY)
+async def test_without_a_run_abort_is_no_key(app, source, pilot) -> None:
+    await press(pilot, "space", "escape")
+    assert source.aborted == 0 and "ABORT" not in text_of(app)
 
 
 @pytest.mark.parametrize("key", ["q", "ctrl+c", "ctrl+q"])
-def test_leaving_during_a_run_ends_that_first(key: str) -> None:
-    async def then(app: SweepApp, source: ScriptedSource, pilot: Pilot[None]) -> None:
-        await press(pilot, key)
-        assert source.aborted == 1 and app.is_running
-        for told in (e.Interrupted("sweep1", TLOG, (), False), snapshot(20.0, state=0), Ended(drive())):
-            source.tell(told)
-        await pilot.pause()
-        await press(pilot, key)
-        assert not app.is_running
-
-    after(DRIVEN, then)
+@played(DRIVEN)
+async def test_leaving_during_a_run_ends_that_first(app, source, pilot, key: str) -> None:
+    await press(pilot, key)
+    assert source.aborted == 1 and app.is_running
+    for told in (e.Interrupted("sweep1", TLOG, (), False), snapshot(20.0, state=0), Ended(drive())):
+        source.tell(told)
+    await pilot.pause()
+    await press(pilot, key)
+    assert not app.is_running
 
 
-def test_a_second_run_cannot_be_asked_for_during_one() -> None:
-    async def then(app: SweepApp, source: ScriptedSource, pilot: Pilot[None]) -> None:
-        await press(pilot, "3", "g", "4", "g", "5", "g")
-        assert len(drives(source)) == 1
-
-    after(DRIVEN, then)
+@played(DRIVEN)
+async def test_a_second_run_cannot_be_asked_for_during_one(app, source, pilot) -> None:
+    await press(pilot, "3", "g", "4", "g", "5", "g")
+    assert len(drives(source)) == 1
 
 
-def test_a_view_that_was_left_goes_on_when_it_is_shown_again() -> None:
-    async def then(app: SweepApp, source: ScriptedSource, pilot: Pilot[None]) -> None:
-        await press(pilot, "6", "4")
-        source.tell(snapshot(40.0, speed=3.21))
-        await pilot.pause()
-        assert "3.21 m/s" in text_of(app) and app.screen.is_running
-
-    after(DRIVEN, then)
+@played(DRIVEN)
+async def test_a_view_that_was_left_goes_on_when_it_is_shown_again(app, source, pilot) -> None:
+    await press(pilot, "6", "4")
+    source.tell(snapshot(40.0, speed=3.21))
+    await pilot.pause()
+    assert "3.21 m/s" in text_of(app) and app.screen.is_running
 
 
-def test_the_amplitude_proposed_becomes_the_next_run() -> None:
-    async def then(app: SweepApp, source: ScriptedSource, pilot: Pilot[None]) -> None:
-        await press(pilot, "w")
-        assert "[3 PLAN]" in text_of(app)
-        await press(pilot, "g")
-        again = drives(source)[-1].planned
-        assert again.name == "sweep3" and again.manoeuvre == replace(SWEEP, amplitude=220.0)
-
-    after((*DRIVEN, finished()), then)
+@played((*DRIVEN, finished()))
+async def test_the_amplitude_proposed_becomes_the_next_run(app, source, pilot) -> None:
+    await press(pilot, "w")
+    assert "[3 PLAN]" in text_of(app)
+    await press(pilot, "g")
+    again = drives(source)[-1].planned
+    assert again.name == "sweep3" and again.manoeuvre == replace(SWEEP, amplitude=220.0)
 
 
-def test_logs_are_fetched_only_from_a_rover_that_is_disarmed() -> None:
-    async def then(app: SweepApp, source: ScriptedSource, pilot: Pilot[None]) -> None:
-        await press(pilot, "6", "l")
-        assert FetchLogs() not in source.asked  # armed
-        source.tell(snapshot(80.0, armed=False, state=0))
-        await pilot.pause()
-        await press(pilot, "l")
-        assert source.asked[-1] == FetchLogs()
-
-    after((*DRIVEN, finished()), then)
+@played((*DRIVEN, finished()))
+async def test_logs_are_fetched_only_from_a_rover_that_is_disarmed(app, source, pilot) -> None:
+    await press(pilot, "6", "l")
+    assert FetchLogs() not in source.asked  # armed
+    source.tell(snapshot(80.0, armed=False, state=0))
+    await pilot.pause()
+    await press(pilot, "l")
+    assert source.asked[-1] == FetchLogs()
 
 
-def test_a_recording_is_paused_sought_and_paced() -> None:
-    async def then(app: SweepApp, source: ScriptedSource, pilot: Pilot[None]) -> None:
-        await press(pilot, "space", ".", ",", "+", "-")
-        burst = [Play(0.0), Play(at=44.0), Play(at=34.0), Play(4.0), Play(2.0)]
-        assert source.asked == burst, "each goes on from the one before, which is not done yet"
-        for told in (*map(Ended, burst), Played(34.0, 120.0, 0.0)):
-            source.tell(told)
-        await pilot.pause()
-        await press(pilot, "space")
-        assert source.asked[-1] == Play(2.0), "it goes on at the pace it had"
-        assert source.aborted == 0
-
-    after(([Played(34.0, 120.0, 2.0), snapshot(34.0)], "4"), then)
+@played(([Played(34.0, 120.0, 2.0), snapshot(34.0)], "4"))
+async def test_a_recording_is_paused_sought_and_paced(app, source, pilot) -> None:
+    await press(pilot, "space", ".", ",", "+", "-")
+    burst = [Play(0.0), Play(at=44.0), Play(at=34.0), Play(4.0), Play(2.0)]
+    assert source.asked == burst, "each goes on from the one before, which is not done yet"
+    for told in (*map(Ended, burst), Played(34.0, 120.0, 0.0)):
+        source.tell(told)
+    await pilot.pause()
+    await press(pilot, "space")
+    assert source.asked[-1] == Play(2.0), "it goes on at the pace it had"
+    assert source.aborted == 0
 
 
 @pytest.mark.parametrize("size", [(40, 10), (20, 4), (79, 19), (300, 90)])
-def test_any_size_is_survived(size: tuple[int, int]) -> None:
-    async def then(app: SweepApp, source: ScriptedSource, pilot: Pilot[None]) -> None:
-        for view in range(1, 8):
-            await press(pilot, str(view))
-            await pilot.resize_terminal(*size)
-            await pilot.pause()
-            shown = text_of(app)
-            assert "cannot be drawn" not in shown
-            if size == (40, 10):
-                assert "SPACE or ESC ABORTS" in shown and "The window is 40x10" in shown
-            await pilot.resize_terminal(80, 24)
-        await press(pilot, "space")
-        assert source.aborted == 1
-
-    after(DRIVEN, then)
-
-
-def test_a_key_does_nothing_where_the_window_cannot_show_what() -> None:
-    async def then(app: SweepApp, source: ScriptedSource, pilot: Pilot[None]) -> None:
-        await pilot.resize_terminal(40, 10)
-        await press(pilot, "g", "y", "4", "G", "y")
-        assert not drives(source)
-        await pilot.resize_terminal(80, 24)
-        await press(pilot, "g")
-        await pilot.resize_terminal(30, 6)  # the question does not fit
-        await press(pilot, "y")
-        assert not drives(source)
-        await pilot.resize_terminal(80, 24)
-        await press(pilot, "g", "y")
-        assert len(drives(source)) == 1
-
-    after((*READY, "3"), then, OWN_SETUP)
-
-
-def test_without_a_vehicle_file_nothing_is_identified_and_it_says_why() -> None:
-    async def then(app: SweepApp, source: ScriptedSource, pilot: Pilot[None]) -> None:
-        await press(pilot, "7", "i", "d", "s")
-        assert "start again with --vehicle rover.toml" in text_of(app)
-        assert app.analyses.jobs == ()
-
-    after((*DRIVEN, finished()), then, replace(SETUP, vehicle_path=None, vehicle=None))
-
-
-def test_errors_of_the_source_are_sentences() -> None:
-    async def then(app: SweepApp, source: ScriptedSource, pilot: Pilot[None]) -> None:
-        source.tell(Lost("nothing was heard of the rover for 3 s"))
-        source.tell(Ended(source.asked[-1], "the link was lost while the run was driven"))
+@played(DRIVEN)
+async def test_any_size_is_survived(app, source, pilot, size: tuple[int, int]) -> None:
+    for view in range(1, 8):
+        await press(pilot, str(view))
+        await pilot.resize_terminal(*size)
         await pilot.pause()
         shown = text_of(app)
-        assert "LINK LOST" in shown and "NO LINK" in shown
-        await press(pilot, "6")
-        shown = text_of(app)
-        assert "ERROR: link lost: nothing was heard of the rover for 3 s" in shown
-        assert "ERROR: the link was lost while the run was driven" in shown
+        assert "cannot be drawn" not in shown
+        if size == (40, 10):
+            assert "SPACE or ESC ABORTS" in shown and "The window is 40x10" in shown
+        await pilot.resize_terminal(80, 24)
+    await press(pilot, "space")
+    assert source.aborted == 1
 
-    after(DRIVEN, then)
+
+@played((*READY, "3"), OWN_SETUP)
+async def test_a_key_does_nothing_where_the_window_cannot_show_what(app, source, pilot) -> None:
+    await pilot.resize_terminal(40, 10)
+    await press(pilot, "g", "y", "4", "G", "y")
+    assert not drives(source)
+    await pilot.resize_terminal(80, 24)
+    await press(pilot, "g")
+    await pilot.resize_terminal(30, 6)  # the question does not fit
+    await press(pilot, "y")
+    assert not drives(source)
+    await pilot.resize_terminal(80, 24)
+    await press(pilot, "g", "y")
+    assert len(drives(source)) == 1
+
+
+@played((*DRIVEN, finished()), replace(SETUP, vehicle_path=None, vehicle=None))
+async def test_without_a_vehicle_file_nothing_is_identified_and_it_says_why(app, source, pilot) -> None:
+    await press(pilot, "7", "i", "d", "s")
+    assert "start again with --vehicle rover.toml" in text_of(app)
+    assert app.analyses.jobs == ()
+
+
+@played(DRIVEN)
+async def test_errors_of_the_source_are_sentences(app, source, pilot) -> None:
+    source.tell(Lost("nothing was heard of the rover for 3 s"))
+    source.tell(Ended(source.asked[-1], "the link was lost while the run was driven"))
+    await pilot.pause()
+    shown = text_of(app)
+    assert "LINK LOST" in shown and "NO LINK" in shown
+    await press(pilot, "6")
+    shown = text_of(app)
+    assert "ERROR: link lost: nothing was heard of the rover for 3 s" in shown
+    assert "ERROR: the link was lost while the run was driven" in shown
 
 
 def test_a_view_that_cannot_be_drawn_leaves_abort(monkeypatch: pytest.MonkeyPatch) -> None:

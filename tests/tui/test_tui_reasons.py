@@ -7,10 +7,10 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from scenes import Step
+from scenes import Step, after, played
 from scripted_source import CHECKS, SWEEP, ScriptedSource, drive, finished, snapshot, under_way
 from seen import text_of
-from test_tui_keys import DRIVEN, OWN_SETUP, READY, after, press
+from test_tui_keys import DRIVEN, OWN_SETUP, READY, press
 from textual.pilot import Pilot
 
 from rover_sweep.live.source import Checked, Ended
@@ -20,32 +20,28 @@ from rover_sweep.vehicle import events as e
 
 
 @pytest.mark.parametrize(("view", "first", "last"), [("1", 0, 2), ("2", 0, len(CHECKS) - 1), ("3", 0, 2)])
-def test_a_cursor_stops_at_both_ends(view: str, first: int, last: int) -> None:
-    async def then(app: SweepApp, source: ScriptedSource, pilot: Pilot[None]) -> None:
-        def at() -> int:
-            screen = app.screen
-            return screen.index if isinstance(screen, PreflightScreen) else screen.chosen  # type: ignore
+@played(READY)
+async def test_a_cursor_stops_at_both_ends(app, source, pilot, view: str, first: int, last: int) -> None:
+    def at() -> int:
+        screen = app.screen
+        return screen.index if isinstance(screen, PreflightScreen) else screen.chosen  # type: ignore
 
-        await press(pilot, view, *["up"] * 20)
-        assert at() == first
-        await press(pilot, *["down"] * 20)
-        assert at() == last
-        await press(pilot, "up")
-        assert at() == last - 1
-
-    after(READY, then)
+    await press(pilot, view, *["up"] * 20)
+    assert at() == first
+    await press(pilot, *["down"] * 20)
+    assert at() == last
+    await press(pilot, "up")
+    assert at() == last - 1
 
 
 @pytest.mark.parametrize(("view", "key"), [("2", "f"), ("2", "r"), ("3", "g"), ("6", "l")])
-def test_a_key_that_waits_for_the_end_of_a_run_says_so(view: str, key: str) -> None:
-    async def then(app: SweepApp, source: ScriptedSource, pilot: Pilot[None]) -> None:
-        before = list(source.asked)
-        await press(pilot, view, key)
-        assert f"SPACE or ESC ABORTS - {key.upper()}: not during a run" in text_of(app)
-        await press(pilot, "down")
-        assert "not during a run" not in text_of(app) and source.asked == before
-
-    after(DRIVEN, then)
+@played(DRIVEN)
+async def test_a_key_that_waits_for_the_end_of_a_run_says_so(app, source, pilot, view: str, key: str) -> None:
+    before = list(source.asked)
+    await press(pilot, view, key)
+    assert f"SPACE or ESC ABORTS - {key.upper()}: not during a run" in text_of(app)
+    await press(pilot, "down")
+    assert "not during a run" not in text_of(app) and source.asked == before
 
 
 @pytest.mark.parametrize(
@@ -93,13 +89,11 @@ def test_checks_tell_their_age_and_fade_when_the_rover_has_changed() -> None:
     after(READY, then)
 
 
-def test_a_question_tells_how_old_the_checks_are() -> None:
-    async def then(app: SweepApp, source: ScriptedSource, pilot: Pilot[None]) -> None:
-        app._checked_at -= 200
-        await press(pilot, "g")
-        assert "(view 2, checked 3 min ago)" in " ".join(text_of(app).replace("┃", " ").split())
-
-    after((*READY, "3"), then, OWN_SETUP)
+@played((*READY, "3"), OWN_SETUP)
+async def test_a_question_tells_how_old_the_checks_are(app, source, pilot) -> None:
+    app._checked_at -= 200
+    await press(pilot, "g")
+    assert "(view 2, checked 3 min ago)" in " ".join(text_of(app).replace("┃", " ").split())
 
 
 def test_a_long_refusal_is_shown_whole() -> None:
