@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import random
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -21,6 +22,7 @@ KINDS: dict[str, dict[str, float]] = {
     "bias sweep": {"type": 3, "bias": 100},
 }  # SWP_ values of each kind of run, within the limits as they come
 LABELS = "Run,St,T,Cmd,Out,VN,VE"
+SOONEST_S = 0.09  # one update, the longest gap of the real firmware included
 
 
 @dataclass
@@ -176,6 +178,16 @@ def throw_switch(drive: Drive) -> None:
     drive.run(0.02)
 
 
+def thrown(
+    bench: Bench, source: str | None = None, removed: tuple[str, ...] = (), seconds: float = 0.0
+) -> Drive:
+    """The applet on a bench, its switch thrown, some seconds later."""
+    drive = Drive(bench, source, removed)
+    throw_switch(drive)
+    drive.run(seconds)
+    return drive
+
+
 def mutant(*changes: tuple[str, str]) -> str:
     """The applet's source with each `old` replaced by its `new`; each must be there once."""
     source = applet_source()
@@ -183,3 +195,20 @@ def mutant(*changes: tuple[str, str]) -> str:
         assert source.count(old) == 1, f"{old!r} is there {source.count(old)} times"
         source = source.replace(old, new)
     return source
+
+
+def without(line: str) -> str:
+    """The applet's source without the one line that contains `line`."""
+    lines = applet_source().splitlines()
+    hits = [i for i, text in enumerate(lines) if line in text]
+    assert len(hits) == 1, f"{len(hits)} lines contain {line!r}"
+    return "\n".join(lines[: hits[0]] + lines[hits[0] + 1 :])
+
+
+def happen(bench: Bench, changes: Mapping[str, Any]) -> None:
+    """Changes fields of the bench, and parameters (in capitals)."""
+    for name, value in changes.items():
+        if name.isupper():
+            bench.parameters[name] = value
+        else:
+            setattr(bench, name, value)

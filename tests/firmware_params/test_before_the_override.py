@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from typing import Any
 
 import pytest
-from applet_bench import HIGH, Bench, Drive, moving, mutant, throw_switch
+from applet_bench import HIGH, Bench, Drive, happen, moving, mutant, throw_switch, thrown
 
 from firmware_params.applet_parameters import applet_source
 from rover_sweep.manoeuvre.multisine import Multisine
@@ -18,57 +19,42 @@ SWITCH_CHECK = (" or reason_to_stop(values, seen)", "")
 CENTRED_CHECK = ("stick_off(run) <= STICK_CENTRED_US", "true")
 
 
-def rolled(bench: Bench) -> None:
-    bench.roll = math.radians(60)
-
-
-def rolling(bench: Bench) -> None:
-    bench.rates = (4.0, 0.0, 0.0)
-
-
-def spinning(bench: Bench) -> None:
-    bench.rates = (0.0, 0.0, 10.0)
-
-
+Changes = dict[str, Any]
 LIMITS = (
-    (rolled, "roll 60.0 > 30 deg"),
-    (rolling, "roll rate 229.2 > 200 deg/s"),
-    (spinning, "yaw rate 573.0 > 150 deg/s"),
+    ({"roll": math.radians(60)}, "roll 60.0 > 30 deg"),
+    ({"rates": (4.0, 0.0, 0.0)}, "roll rate 229.2 > 200 deg/s"),
+    ({"rates": (0.0, 0.0, 10.0)}, "yaw rate 573.0 > 150 deg/s"),
 )
 
 
-def thrown_while_moving(spoil: Callable[[Bench], None], source: str) -> Bench:
+def thrown_while_moving(spoil: Changes, source: str) -> Bench:
     bench = moving(**AT_ONCE)
-    spoil(bench)
-    throw_switch(Drive(bench, source))
+    happen(bench, spoil)
+    thrown(bench, source)
     return bench
 
 
-def brought_to_speed(spoil: Callable[[Bench], None], source: str) -> Bench:
+def brought_to_speed(spoil: Changes, source: str) -> Bench:
     bench = moving(speed=0.0, **AT_ONCE)
-    drive = Drive(bench, source)
-    throw_switch(drive)
-    drive.run(1)
-    spoil(bench)
+    drive = thrown(bench, source, seconds=1)
+    happen(bench, spoil)
     bench.velocity = (2.0, 0.0, 0.0)
     drive.run(1.2)
     return bench
 
 
-def bias_while_moving(spoil: Callable[[Bench], None], source: str) -> Bench:
+def bias_while_moving(spoil: Changes, source: str) -> Bench:
     bench = moving(**BIAS_AT_ONCE)
-    spoil(bench)
-    throw_switch(Drive(bench, source))
+    happen(bench, spoil)
+    thrown(bench, source)
     return bench
 
 
-def multisine_while_moving(spoil: Callable[[Bench], None], source: str) -> Bench:
+def multisine_while_moving(spoil: Changes, source: str) -> Bench:
     """It waits in state 2 for a second in the band, and for its peak."""
     bench = moving(type=2, straight=0, fade=0, count=3, still=0)
-    drive = Drive(bench, source)
-    throw_switch(drive)
-    drive.run(0.5)
-    spoil(bench)
+    drive = thrown(bench, source, seconds=0.5)
+    happen(bench, spoil)
     drive.run(0.6)
     return bench
 
@@ -84,7 +70,7 @@ FIRST_PWM = {
 @pytest.mark.parametrize("course", FIRST_PWM)
 @pytest.mark.parametrize(("spoil", "said"), LIMITS)
 def test_limit_that_is_passed_already(
-    course: Callable[[Callable[[Bench], None], str], Bench], spoil: Callable[[Bench], None], said: str
+    course: Callable[[Changes, str], Bench], spoil: Changes, said: str
 ) -> None:
     bench = course(spoil, applet_source())
     assert bench.state == 10 and bench.texts[-1] == f"SWP: run 1 stopped: {said}"
@@ -97,7 +83,7 @@ def test_limit_that_is_passed_already(
 def lost_before_the_switch(source: str) -> Bench:
     bench = moving(gcs=1, **AT_ONCE)
     bench.heard_ms = 1000
-    throw_switch(Drive(bench, source))
+    thrown(bench, source)
     return bench
 
 
@@ -110,9 +96,7 @@ def test_ground_station_that_was_lost_before_the_switch() -> None:
 def held_at(stick: int, source: str) -> Drive:
     bench = moving(**AT_ONCE)
     bench.rc[1] = stick
-    drive = Drive(bench, source)
-    throw_switch(drive)
-    drive.run(3)
+    drive = thrown(bench, source, seconds=3)
     return drive
 
 

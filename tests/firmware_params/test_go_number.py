@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import pytest
-from applet_bench import HIGH, LOW, Bench, Drive, moving, mutant, throw_switch
+from applet_bench import HIGH, LOW, Bench, Drive, moving, mutant, throw_switch, thrown
 
 REFUSED = "SWP: refused: after run 1, needs a new SWP_GO"
 STRAIGHT, STOPPED, IDLE = 3, 10, 0
@@ -14,8 +14,7 @@ SHORT = {"still": 0, "trec": 2, "dwell": 0, "fade": 0, "straight": 0.5, "v_min":
 
 def driven(source: str | None = None, **settings: float) -> Drive:
     """Run 1 steers; SWP_GO is as it was when the applet started."""
-    drive = Drive(moving(2.0, **SHORT | settings), source)
-    throw_switch(drive)
+    drive = thrown(moving(2.0, **SHORT | settings), source)
     drive.run_until(STRAIGHT)
     return drive
 

@@ -2,83 +2,65 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from typing import Any
 
 import pytest
-from applet_bench import LOW, Bench, Drive, moving, mutant, throw_switch
+from applet_bench import LOW, Bench, Drive, happen, moving, mutant, throw_switch, thrown
 
 from firmware_params.applet_parameters import applet_source
-
-
-def vehicle(**values: float) -> Callable[[Bench], None]:
-    return lambda bench: bench.parameters.update(values)
-
-
-def no_steering(bench: Bench) -> None:
-    bench.steering_channel = None
-
-
-def no_trim(bench: Bench) -> None:
-    del bench.parameters["SERVO1_TRIM"]
-
-
-def not_manual(bench: Bench) -> None:
-    bench.current_mode = 10
-
-
-def no_rc(bench: Bench) -> None:
-    bench.is_rc_valid = False
-
-
-def no_velocity(bench: Bench) -> None:
-    bench.velocity = None
 
 
 @pytest.mark.parametrize(
     ("spoil", "said"),
     [
-        (vehicle(SWP_ENABLE=0), "SWP_ENABLE is 0"),
-        (vehicle(SWP_ENABLE=float("nan")), "SWP_ENABLE is nan"),
-        (vehicle(SWP_AMP=260), "SWP_AMP 260 > SWP_PWM_MAX 250"),
-        (vehicle(SWP_AMP=0), "SWP_AMP 0 outside 1 to 500"),
-        (vehicle(SWP_AMP=float("nan")), "SWP_AMP nan outside 1 to 500"),
-        (vehicle(SWP_WMIN=25), "SWP_WMIN 25 >= SWP_WMAX 25"),
-        (vehicle(SWP_WMIN=-1), "SWP_WMIN -1 outside 0.05 to 50"),
-        (vehicle(SWP_TREC=0), "SWP_TREC 0 outside 1 to 600"),
-        (vehicle(SWP_FADE=-2), "SWP_FADE -2 outside 0 to 20"),
-        (vehicle(SWP_TYPE=5), "SWP_TYPE 5 outside 0 to 4"),
-        (vehicle(SWP_TYPE=0.5), "SWP_TYPE 0.5 is unknown"),
-        (vehicle(SWP_V_MIN=4), "SWP_V_MIN 4 >= SWP_V_MAX 4"),
-        (vehicle(SWP_TYPE=2.5), "SWP_TYPE 2.5 is unknown"),
-        (vehicle(SWP_BIAS=450), "SWP_BIAS 450 outside -400 to 400"),
-        (vehicle(SWP_TYPE=3, SWP_BIAS=float("nan")), "SWP_BIAS nan outside -400 to 400"),
-        (vehicle(SWP_TYPE=3, SWP_BIAS=101), "AMP + BIAS 251 > SWP_PWM_MAX 250"),
-        (vehicle(SWP_TYPE=3, SWP_BIAS=-101), "AMP + BIAS 251 > SWP_PWM_MAX 250"),
-        (vehicle(SWP_TYPE=3, SWP_BIAS=90, SERVO1_MAX=1739), "PWM 1590+-150 not in 1100..1739"),
-        (vehicle(SWP_TYPE=3, SWP_BIAS=-90, SERVO1_MIN=1261), "PWM 1410+-150 not in 1261..1900"),
-        (vehicle(SWP_TYPE=3, SWP_BIAS=80, SWP_AMP=30, SERVO1_MIN=1510), "PWM 1580+-30 not in 1510..1900"),
-        (vehicle(SWP_TYPE=3, SWP_BIAS=-80, SWP_AMP=30, SERVO1_MAX=1490), "PWM 1420+-30 not in 1100..1490"),
-        (vehicle(SWP_TYPE=2, SWP_COUNT=1), "SWP_COUNT 1 is not 2, 3.."),
-        (vehicle(SWP_TYPE=2, SWP_COUNT=2.5), "SWP_COUNT 2.5 is not 2, 3.."),
-        (vehicle(SWP_TYPE=2, SWP_TREC=2), "2 odd lines, not 4 to 128"),
-        (vehicle(SWP_TYPE=2, SWP_TREC=1, SWP_WMAX=1), "0 odd lines, not 4 to 128"),
-        (vehicle(SWP_TYPE=2, SWP_TREC=600), "590 odd lines, not 4 to 128"),
-        (vehicle(SWP_TYPE=2, SWP_AMP=251), "SWP_AMP 251 > SWP_PWM_MAX 250"),
-        (vehicle(SERVO1_MAX=1640), "PWM 1500+-150 not in 1100..1640"),
-        (vehicle(SERVO1_MIN=1360), "PWM 1500+-150 not in 1360..1900"),
-        (vehicle(RCMAP_ROLL=0), "RCMAP_ROLL outside 1 to 16"),
-        (vehicle(RCMAP_ROLL=17), "RCMAP_ROLL outside 1 to 16"),
-        (no_steering, "no servo has function 26 (steering)"),
-        (no_trim, "SERVO1_TRIM, MIN, MAX unknown"),
-        (not_manual, "mode 10, needs MANUAL"),
-        (no_rc, "no RC"),
-        (no_velocity, "no velocity estimate"),
+        ({"SWP_ENABLE": 0}, "SWP_ENABLE is 0"),
+        ({"SWP_ENABLE": float("nan")}, "SWP_ENABLE is nan"),
+        ({"SWP_AMP": 260}, "SWP_AMP 260 > SWP_PWM_MAX 250"),
+        ({"SWP_AMP": 0}, "SWP_AMP 0 outside 1 to 500"),
+        ({"SWP_AMP": float("nan")}, "SWP_AMP nan outside 1 to 500"),
+        ({"SWP_WMIN": 25}, "SWP_WMIN 25 >= SWP_WMAX 25"),
+        ({"SWP_WMIN": -1}, "SWP_WMIN -1 outside 0.05 to 50"),
+        ({"SWP_TREC": 0}, "SWP_TREC 0 outside 1 to 600"),
+        ({"SWP_FADE": -2}, "SWP_FADE -2 outside 0 to 20"),
+        ({"SWP_TYPE": 5}, "SWP_TYPE 5 outside 0 to 4"),
+        ({"SWP_TYPE": 0.5}, "SWP_TYPE 0.5 is unknown"),
+        ({"SWP_V_MIN": 4}, "SWP_V_MIN 4 >= SWP_V_MAX 4"),
+        ({"SWP_TYPE": 2.5}, "SWP_TYPE 2.5 is unknown"),
+        ({"SWP_BIAS": 450}, "SWP_BIAS 450 outside -400 to 400"),
+        ({"SWP_TYPE": 3, "SWP_BIAS": float("nan")}, "SWP_BIAS nan outside -400 to 400"),
+        ({"SWP_TYPE": 3, "SWP_BIAS": 101}, "AMP + BIAS 251 > SWP_PWM_MAX 250"),
+        ({"SWP_TYPE": 3, "SWP_BIAS": -101}, "AMP + BIAS 251 > SWP_PWM_MAX 250"),
+        ({"SWP_TYPE": 3, "SWP_BIAS": 90, "SERVO1_MAX": 1739}, "PWM 1590+-150 not in 1100..1739"),
+        ({"SWP_TYPE": 3, "SWP_BIAS": -90, "SERVO1_MIN": 1261}, "PWM 1410+-150 not in 1261..1900"),
+        (
+            {"SWP_TYPE": 3, "SWP_BIAS": 80, "SWP_AMP": 30, "SERVO1_MIN": 1510},
+            "PWM 1580+-30 not in 1510..1900",
+        ),
+        (
+            {"SWP_TYPE": 3, "SWP_BIAS": -80, "SWP_AMP": 30, "SERVO1_MAX": 1490},
+            "PWM 1420+-30 not in 1100..1490",
+        ),
+        ({"SWP_TYPE": 2, "SWP_COUNT": 1}, "SWP_COUNT 1 is not 2, 3.."),
+        ({"SWP_TYPE": 2, "SWP_COUNT": 2.5}, "SWP_COUNT 2.5 is not 2, 3.."),
+        ({"SWP_TYPE": 2, "SWP_TREC": 2}, "2 odd lines, not 4 to 128"),
+        ({"SWP_TYPE": 2, "SWP_TREC": 1, "SWP_WMAX": 1}, "0 odd lines, not 4 to 128"),
+        ({"SWP_TYPE": 2, "SWP_TREC": 600}, "590 odd lines, not 4 to 128"),
+        ({"SWP_TYPE": 2, "SWP_AMP": 251}, "SWP_AMP 251 > SWP_PWM_MAX 250"),
+        ({"SERVO1_MAX": 1640}, "PWM 1500+-150 not in 1100..1640"),
+        ({"SERVO1_MIN": 1360}, "PWM 1500+-150 not in 1360..1900"),
+        ({"RCMAP_ROLL": 0}, "RCMAP_ROLL outside 1 to 16"),
+        ({"RCMAP_ROLL": 17}, "RCMAP_ROLL outside 1 to 16"),
+        ({"steering_channel": None}, "no servo has function 26 (steering)"),
+        ({"SERVO1_TRIM": None}, "SERVO1_TRIM, MIN, MAX unknown"),
+        ({"current_mode": 10}, "mode 10, needs MANUAL"),
+        ({"is_rc_valid": False}, "no RC"),
+        ({"velocity": None}, "no velocity estimate"),
     ],
 )
-def test_refused_at_the_switch(spoil: Callable[[Bench], None], said: str) -> None:
+def test_refused_at_the_switch(spoil: dict[str, Any], said: str) -> None:
     bench = moving()
     drive = Drive(bench)
-    spoil(bench)
+    happen(bench, spoil)
     throw_switch(drive)
     drive.run(3)
     assert bench.texts[1:] == [f"SWP: refused: {said}"]
@@ -99,7 +81,7 @@ def test_bias_counts_for_the_range_of_the_servo_by_its_own_line() -> None:
     def started(source: str) -> bool:
         bench = moving(type=3, bias=90, still=0)
         bench.parameters["SERVO1_MAX"] = 1739
-        throw_switch(Drive(bench, source))
+        thrown(bench, source)
         return bench.state == 3
 
     assert not started(applet_source())
@@ -108,8 +90,7 @@ def test_bias_counts_for_the_range_of_the_servo_by_its_own_line() -> None:
 
 def test_refused_run_starts_once_put_right_and_thrown_again() -> None:
     bench = moving(trec=0)
-    drive = Drive(bench)
-    throw_switch(drive)
+    drive = thrown(bench)
     bench.parameters["SWP_TREC"] = 5
     drive.run(2)
     assert bench.state == 0
@@ -123,8 +104,7 @@ INFINITE, UNKNOWN = float("inf"), float("nan")
 @pytest.mark.parametrize("channel", [17, -1, 300, 16.5, 1e20, -1e20, INFINITE, -INFINITE, UNKNOWN])
 def test_impossible_switch_channel_is_said_and_does_not_kill_the_script(channel: float) -> None:
     bench = moving(chan=channel)
-    drive = Drive(bench)
-    throw_switch(drive)
+    drive = thrown(bench)
     assert bench.texts[1:] == [f"SWP: refused: SWP_CHAN {channel:g} outside 0 to 16"]
     assert drive.host.running and bench.state == 0
     bench.parameters["SWP_CHAN"] = 0
@@ -137,8 +117,7 @@ def test_impossible_switch_channel_kills_a_script_that_does_not_look(channel: fl
     check = "value >= 0 and value <= 16 and math.floor(value) or nil"
     assert applet_source().count(check) == 1
     bench = moving(chan=channel)
-    drive = Drive(bench, applet_source().replace(check, "math.floor(value)"))
-    throw_switch(drive)
+    drive = thrown(bench, applet_source().replace(check, "math.floor(value)"))
     assert not drive.host.running and drive.host.error
 
 
@@ -169,8 +148,7 @@ def test_call_that_is_needed_is_missed_in_words(missing: str) -> None:
 def test_either_way_to_read_the_output_will_do(removed: str) -> None:
     """4.5.7 has no get_output_pwm_chan."""
     bench = moving(still=0, trec=5, straight=0)
-    drive = Drive(bench, removed=(removed,))
-    throw_switch(drive)
+    drive = thrown(bench, removed=(removed,))
     drive.run_until(0)
     assert bench.texts[-1] == "SWP: run 1 done" and max(row["Out"] for row in bench.log) == 1650
 
@@ -185,16 +163,14 @@ def test_roll_is_read_by_its_new_name_where_there_is_one() -> None:
     """4.7 and later refuse to arm after a single call of ahrs:get_roll."""
     newer = "ahrs.get_roll_rad, ahrs.get_roll = ahrs.get_roll, function() error('deprecated') end\n"
     bench = moving(still=0, trec=5, straight=0)
-    drive = Drive(bench, newer + applet_source())
-    throw_switch(drive)
+    drive = thrown(bench, newer + applet_source())
     drive.run_until(0)
     assert drive.host.error is None and bench.texts[-1] == "SWP: run 1 done"
 
 
 def test_gcs_loss_wanted_but_not_to_be_seen_is_refused() -> None:
     bench = moving(gcs=1)
-    drive = Drive(bench, removed=("gcs:last_seen",))
-    throw_switch(drive)
+    drive = thrown(bench, removed=("gcs:last_seen",))
     assert bench.texts[-1] == "SWP: refused: SWP_GCS 1, but no gcs:last_seen"
     bench.parameters["SWP_GCS"], bench.switch = 0, LOW
     throw_switch(drive)

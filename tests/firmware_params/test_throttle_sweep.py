@@ -7,12 +7,11 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import pytest
-from applet_bench import HIGH, LABELS, LOW, Bench, Drive, throw_switch
+from applet_bench import HIGH, LABELS, LOW, SOONEST_S, Bench, Drive, happen, thrown, without
 
 from firmware_params.applet_parameters import applet_source
 
 MOTOR, NEUTRAL, HELD = 2, 1500, 1660
-SOONEST_S = 0.09
 SETTINGS = {
     "SWP_TYPE": 4,
     "SWP_AMP": 60,
@@ -65,8 +64,7 @@ def swept(source: str | None = None, state: int = 6, **settings: float) -> Drive
     """A drive in the middle of a throttle sweep."""
     bench = MotorBench()
     bench.parameters |= {f"SWP_{name.upper()}": value for name, value in settings.items()}
-    drive = Drive(bench, source)
-    throw_switch(drive)
+    drive = thrown(bench, source)
     drive.run_until(state)
     drive.run(0.5)
     assert bench.state == state, bench.said
@@ -103,17 +101,12 @@ STOPS: dict[str, tuple[dict[str, Any], str, str]] = {
 }
 
 
-def happen(drive: Drive, changes: dict[str, Any]) -> None:
-    for name, value in changes.items():
-        setattr(drive.bench, name, value)
-
-
 @pytest.mark.parametrize("name", STOPS)
 def test_every_stop_gives_the_throttle_back_at_once(name: str) -> None:
     changes, said, _ = STOPS[name]
     drive = swept(gcs=1 if name == "GCS loss" else 0)
     bench = drive.bench
-    happen(drive, changes)
+    happen(drive.bench, changes)
     bench.pilot_pwm, moved = 1555, bench.now
     drive.run(SOONEST_S)
     assert bench.texts[-1] == f"SWP: run 1 stopped: {said}"
@@ -127,12 +120,8 @@ def test_every_stop_gives_the_throttle_back_at_once(name: str) -> None:
 @pytest.mark.parametrize("name", [n for n in STOPS if n not in ("another motor", "no motor", "stick gone")])
 def test_without_its_line_nothing_stops(name: str) -> None:
     changes, _, line = STOPS[name]
-    lines = applet_source().splitlines()
-    hits = [i for i, text in enumerate(lines) if line in text]
-    assert len(hits) == 1
-    source = "\n".join(lines[: hits[0]] + lines[hits[0] + 1 :])
-    drive = swept(source, gcs=1 if name == "GCS loss" else 0)
-    happen(drive, changes)
+    drive = swept(without(line), gcs=1 if name == "GCS loss" else 0)
+    happen(drive.bench, changes)
     drive.run(1)
     assert "stopped" not in drive.bench.said and drive.host.error is None
 
@@ -162,8 +151,7 @@ def test_steering_stick_is_the_pilots() -> None:
 
 def test_stick_that_moves_while_waiting_starts_the_second_again() -> None:
     bench = MotorBench()
-    drive = Drive(bench)
-    throw_switch(drive)
+    drive = thrown(bench)
     for _ in range(8):
         drive.run(0.5)
         bench.rc[3] += 30
@@ -177,17 +165,13 @@ def test_stick_that_moves_while_waiting_starts_the_second_again() -> None:
 )
 def test_sweep_past_neutral_or_full_is_refused(pwm: int, said: str) -> None:
     bench = MotorBench(pilot_pwm=pwm)
-    drive = Drive(bench)
-    throw_switch(drive)
-    drive.run(3)
+    thrown(bench, seconds=3)
     assert bench.texts[-1] == f"SWP: run 1 stopped: {said}" and not bench.overrides
 
 
 def test_reversed_motor_stays_on_its_side_of_neutral() -> None:
     bench = MotorBench(pilot_pwm=1340)
-    drive = Drive(bench)
-    throw_switch(drive)
-    drive.run(15)
+    thrown(bench, seconds=15)
     sent = [pwm for _, pwm, timeout, _ in bench.overrides if timeout]
     assert sent and min(sent) >= 1280 and max(sent) <= 1400
 
@@ -203,8 +187,6 @@ def test_wrong_wave_never_passes_neutral() -> None:
 
 def test_no_motor_is_refused() -> None:
     bench = MotorBench(motor_channel=None)
-    drive = Drive(bench)
-    throw_switch(drive)
-    drive.run(0.5)
+    thrown(bench, seconds=0.5)
     assert bench.texts[-1] == "SWP: refused: no servo has function 70 (throttle)"
     assert bench.switch == HIGH and not bench.overrides

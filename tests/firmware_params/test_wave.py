@@ -6,7 +6,7 @@ import re
 
 import numpy as np
 import pytest
-from applet_bench import HIGH, KINDS, TRIM, Bench, Drive, moving, mutant, throw_switch
+from applet_bench import HIGH, KINDS, TRIM, Bench, Drive, moving, mutant, thrown
 
 from firmware_params.applet_parameters import applet_source, for_manoeuvre
 from rover_sweep.manoeuvre.multisine import LEFT_OUT, Multisine
@@ -20,8 +20,7 @@ def driven(manoeuvre: Manoeuvre, start_us: int = 5_000_000) -> Bench:
     bench = moving()
     bench.now = start_us
     bench.parameters |= for_manoeuvre(still=0, pwm_max=400, **vars(manoeuvre))
-    drive = Drive(bench)
-    throw_switch(drive)
+    drive = thrown(bench)
     drive.run_until(0)
     return bench
 
@@ -101,9 +100,7 @@ def test_multisine_waits_for_its_peak_and_steers_nothing_meanwhile() -> None:
     manoeuvre = Multisine(t_rec=60, periods=2, w_max=53)
     assert manoeuvre.odd.size == 126
     bench = moving(still=0, **{k[4:].lower(): v for k, v in for_manoeuvre(**vars(manoeuvre)).items()})
-    drive = Drive(bench)
-    throw_switch(drive)
-    drive.run(1.2)
+    drive = thrown(bench, seconds=1.2)
     assert bench.state == 2 and not bench.overrides
     drive.run_until(3)
     assert 5 < len({row["t"] for row in bench.log if row["St"] == 2}) * 0.0135 < 20 and drive.host.running
@@ -136,8 +133,7 @@ def test_single_floats_are_accurate_enough(manoeuvre: Multisine) -> None:
 
 def test_bias_means_nothing_to_the_other_types() -> None:
     bench = moving(still=0, straight=0, fade=0, dwell=0, trec=5, bias=240, amp=100)
-    drive = Drive(bench)
-    throw_switch(drive)
+    drive = thrown(bench)
     drive.run_until(0)
     assert bench.texts[-1] == "SWP: run 1 done"
     assert max(row["Out"] for row in bench.log) == 1600 and min(row["Out"] for row in bench.log) == 1400
@@ -145,9 +141,7 @@ def test_bias_means_nothing_to_the_other_types() -> None:
 
 def test_whole_course_with_standstills() -> None:
     bench = moving(speed=0.0, still=2, trec=5, straight=1)
-    drive = Drive(bench)
-    throw_switch(drive)
-    drive.run(3)
+    drive = thrown(bench, seconds=3)
     assert bench.state == 2 and not bench.overrides
     bench.velocity = (2.0, 0.0, 0.0)
     drive.run(0.9)
@@ -171,8 +165,7 @@ def test_whole_course_with_standstills() -> None:
 
 def test_last_state_ends_after_30_s_without_standstill() -> None:
     bench = moving(type=1, count=1, still=2)
-    drive = Drive(bench)
-    throw_switch(drive)
+    drive = thrown(bench)
     assert "SWP: run 1 moving: no standstill in the record" in bench.texts
     drive.run_until(9)
     drive.run(29)
@@ -183,9 +176,7 @@ def test_last_state_ends_after_30_s_without_standstill() -> None:
 
 def test_leaving_the_standstill_early_is_said() -> None:
     bench = moving(speed=0.0, still=5)
-    drive = Drive(bench)
-    throw_switch(drive)
-    drive.run(1)
+    drive = thrown(bench, seconds=1)
     bench.velocity = (0.45, 0.0, 0.0)
     drive.run(0.1)
     assert bench.state == 2 and "SWP: run 1 standstill only 1." in bench.said
@@ -194,8 +185,7 @@ def test_leaving_the_standstill_early_is_said() -> None:
 def test_runs_are_counted_over_a_reboot_and_told_with_state_and_frequency() -> None:
     bench = moving(still=0, trec=5, straight=0, fade=1, dwell=1)
     for number in (1, 2):
-        drive = Drive(bench)
-        throw_switch(drive)
+        drive = thrown(bench)
         drive.run_until(0)
         assert bench.parameters["SWP_RUN"] == number and bench.log[-1]["Run"] == number
         bench.switch = 0
@@ -207,8 +197,7 @@ def test_runs_are_counted_over_a_reboot_and_told_with_state_and_frequency() -> N
 
 def test_parameter_changed_during_a_run_counts_for_the_next() -> None:
     bench = moving(still=0, type=1, count=2, straight=1)
-    drive = Drive(bench)
-    throw_switch(drive)
+    drive = thrown(bench)
     drive.run_until(6)
     bench.parameters |= {"SWP_AMP": 40, "SWP_PWM_MAX": 50, "SWP_CHAN": 9, "SWP_TYPE": 0, "SWP_COUNT": 1}
     bench.parameters |= {"SERVO1_TRIM": 1400, "SWP_V_MAX": 1, "SWP_ROLL_MAX": 1}
@@ -242,9 +231,7 @@ def sent(source: str, kind: str = "sweep", **servo: int) -> set[int]:
     """PWM of all overrides of a run of 100 us on a servo with these SERVO1_ parameters."""
     bench = moving(**{"amp": 100, "straight": 1, "fade": 0, "dwell": 0, "trec": 5, "still": 0} | KINDS[kind])
     bench.parameters |= {f"SERVO1_{name.upper()}": value for name, value in servo.items()}
-    drive = Drive(bench, source)
-    throw_switch(drive)
-    drive.run(10)
+    drive = thrown(bench, source, seconds=10)
     assert drive.host.error is None
     return {pwm for _, pwm, timeout, _ in bench.overrides if timeout}
 
@@ -269,8 +256,7 @@ def test_no_output_is_further_from_trim_than_allowed(kind: str) -> None:
 
 def paused_in_a_run(seconds: float, source: str, kind: str = "sweep") -> Bench:
     bench = moving(trec=20, still=0, **KINDS[kind])
-    drive = Drive(bench, source)
-    throw_switch(drive)
+    drive = thrown(bench, source)
     drive.run_until(6)
     bench.pilot_pwm = 1444
     drive.pause(seconds)
@@ -294,8 +280,7 @@ def test_pause_that_the_override_outlasts_does_not(seconds: float) -> None:
 
 def test_pause_before_the_override_ends_nothing() -> None:
     bench = moving(speed=0.0)
-    drive = Drive(bench)
-    throw_switch(drive)
+    drive = thrown(bench)
     drive.pause(2.0)
     bench.velocity = (2.0, 0.0, 0.0)
     drive.run(3)
@@ -307,9 +292,7 @@ def test_pause_before_the_override_ends_nothing() -> None:
 def let_go(channel: int | None, source: str) -> tuple[int, int]:
     """(PWM, timeout) of the last override after another output (None: none) took over steering at 0 us."""
     bench = moving(straight=0, fade=0, trec=20, still=0)
-    drive = Drive(bench, source)
-    throw_switch(drive)
-    drive.run(0.5)
+    drive = thrown(bench, source, seconds=0.5)
     bench.steering_channel, bench.forced_output = channel, 0
     drive.run(0.09)
     assert bench.state == 10 and drive.host.running
