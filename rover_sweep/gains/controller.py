@@ -101,7 +101,7 @@ def simulate_loop(
     for k, want in enumerate(wanted):
         rate[k] = plant.c @ x
         asked = float(want) if outer is None else float(want) + outer(float(rate[k, 0]))
-        now = targets[k] = _limited(autopilot, plant.speed, asked, now)
+        now = targets[k] = limited_target(autopilot, plant.speed, asked, now)
         out = pid.update(now, rate[k], limit) * scale
         limit = held | (np.abs(out) >= 1.0)
         steering[k] = np.clip(out, -1.0, 1.0)
@@ -114,19 +114,11 @@ def simulate_loop(
     return SimulatedDrive(np.arange(wanted.size, dtype=np.float64) * dt, targets, rate, steering)
 
 
-def limited_target(autopilot: Autopilot, speed: float, wanted: Array) -> Array:
-    """The firmware's limited target (m,) for a requested turn rate (m,) [rad/s], one value per main loop.
+def limited_target(autopilot: Autopilot, speed: float, want: float, now: float) -> float:
+    """The firmware's limited target [rad/s] in one main loop for a requested turn rate; now: the last target.
 
-    Starts at zero. The change is limited first, then the size, relative to the target of the last tick.
+    The change is limited first, then the size.
     """
-    out, now = np.empty_like(wanted), 0.0
-    for k, want in enumerate(wanted):
-        now = out[k] = _limited(autopilot, speed, float(want), now)
-    return out
-
-
-def _limited(autopilot: Autopilot, speed: float, want: float, now: float) -> float:
-    """The limited target of one main loop; now: that of the last."""
     most, step = autopilot.rate_limit(speed), autopilot.accel_max * autopilot.period
     reached = min(max(want, now - step), now + step) if step > 0 else want
     return min(max(reached, -most), most)

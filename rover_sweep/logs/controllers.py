@@ -17,6 +17,7 @@ from rover_sweep.data.controller_log import LEAST_SECONDS, ControllerLog
 from rover_sweep.data.recording import Array, Signal
 from rover_sweep.errors import DataRefused, UsageError
 from rover_sweep.logs.log import increasing
+from rover_sweep.logs.read import existing_log
 from rover_sweep.logs.readers.dataflash import DataFlash, open_parts
 from rover_sweep.logs.readers.dataflash_channels import logged_parameters, refuse_damage, velocity
 from rover_sweep.logs.readers.tlog import open_tlog
@@ -38,7 +39,7 @@ class Controllers:
 
 def read_controllers(path: Path) -> Controllers:
     """The controllers in a .BIN or .tlog. DataRefused for a log without the steering's, and how to log it."""
-    suffix = path.suffix.lower()
+    suffix = existing_log(str(path)).suffix.lower()
     if suffix not in (".bin", ".tlog"):
         raise UsageError(f"{path.name}: give a .BIN or .tlog of a drive in ACRO or AUTO")
     steering, speed = _of_flash(path) if suffix == ".bin" else _of_telemetry(path)

@@ -55,14 +55,7 @@ def _corner_table(turns: Sequence[Corner], half_width: float) -> Table:
         )
         for turn in turns
     )
-    headings = (
-        "",
-        "gains",
-        "turns at",
-        "begins before",
-        "off the legs by",
-        f"corridor of +-{half_width:g} m",
-    )
+    headings = ("", "gains", "turns at", "begins before", "off by", f"corridor of +-{half_width:g} m")
     note = (
         "The turn begins before the corner so that the rover ends on the next leg; one that begins at the "
         "corner swings wide by as much. Constant speed, without sideslip."

@@ -29,11 +29,12 @@ sys.path.remove(str(Path(__file__).parent))  # its coverage.py hides the library
 sys.path.insert(0, str(Path(__file__).parents[2]))
 sys.path.insert(0, str(Path(__file__).parents[1] / "gains"))
 
-from acro_drive import Profile, Segment, kept
+from acro_drive import STEP, Profile, Segment, kept
 from acro_on_firmware import drive
+from test_gains_on_plant import on_the_plant
 
 from rover_sweep.gains.check import SteeringCheck, check_steering
-from rover_sweep.gains.proposal import assess_gains
+from rover_sweep.gains.steering_chain import Autopilot, Gains
 from rover_sweep.gains.tuning import Family, design_gains, unbounded
 from rover_sweep.logs.controllers import read_controllers
 from sitl.launcher import find_ardurover
@@ -47,6 +48,10 @@ EXPECTED = {
     "swings": "oscillates",
     "limit": "limit hit",
 }
+PAST_LIMIT = 1.15  # times the P from which the plant swings
+KEPT_FROM = 9.5  # s, of a drive: two steps and the sine
+FRAMES = ("HEARTBEAT", "ATTITUDE", "GLOBAL_POSITION_INT", "PID_TUNING")
+PARAMETERS = ("ATC_", "MOT_", "CRUISE_", "SERVO1_", "SCHED_LOOP_RATE", "INS_GYRO_FILTER")
 LIMITS = {"ATC_STR_RAT_MAX": 20.0, "ATC_TURN_MAX_G": 0.1, "ATC_STR_ACC_MAX": 20.0}  # of steps of 30 deg/s
 FREE = {"ATC_STR_RAT_MAX": 120.0, "ATC_TURN_MAX_G": 0.6, "ATC_STR_ACC_MAX": 120.0}
 
@@ -71,26 +76,32 @@ def drawn_rover(rng: np.random.Generator, folder: Path) -> tuple[Path, float]:
     return path, float(rng.uniform(1.8, 3.0))
 
 
-def cases(first: SteeringCheck, limit: str) -> dict[str, dict[str, float]]:
+def cases(first: SteeringCheck, limit: str, variant: Path) -> dict[str, dict[str, float]]:
     """{case: parameters} for a rover, from its drive with the defaults."""
     assert first.response is not None
     loop = first.autopilot
     family = Family((first.response.plant(loop),), (1.0,), loop)
     tuned = design_gains(family, loop.gains, unbounded(loop.gains))
     assert tuned is not None
-    too_much = 1.15 * max(tuned.p, 0.05)
-    while assess_gains(family, replace(tuned, p=too_much)).margins.gain_db > -1.0:
-        too_much *= 1.05
+    too_much = max(tuned.p, 0.1)
+    while not _swings(loop, replace(tuned, p=too_much), variant):
+        too_much *= 1.1
     sets = {
         "tuned": tuned,
         "half": replace(tuned, ff=tuned.ff / 2),
         "double": replace(tuned, ff=2 * tuned.ff),
-        "swings": replace(tuned, p=min(too_much, 5.0)),
+        "swings": replace(tuned, p=PAST_LIMIT * too_much),
         "limit": tuned,
     }
     made = {name: {**gains.parameters, **FREE} for name, gains in sets.items()}
     made["limit"][limit] = LIMITS[limit]
     return made
+
+
+def _swings(loop: Autopilot, gains: Gains, variant: Path) -> bool:
+    """Whether the turn rate still swings long after a step, on the plant without the firmware."""
+    t, rate, _ = on_the_plant(loop, gains, STEP, variant)
+    return bool(np.std(rate[t > t[-1] - 1.0]) > 0.1 * STEP)
 
 
 def check(log: Path, segment: Segment) -> SteeringCheck:
@@ -107,7 +118,7 @@ def rover(binary: Path, folder: Path, number: int, speedup: float) -> tuple[Path
     for name in ("first", "cases"):
         (folder / name).mkdir(exist_ok=True)
     log, told, _ = drive(binary, folder / "first", {"defaults": {}}, SHORT, speedup, speed, variant)
-    sets = cases(check(log, told[0]), limit)
+    sets = cases(check(log, told[0]), limit, variant)
     log, told, _ = drive(binary, folder / "cases", sets, SHORT, speedup, speed, variant)
     right = 0
     for segment in told:
@@ -129,12 +140,35 @@ def rover(binary: Path, folder: Path, number: int, speedup: float) -> tuple[Path
 
 
 def keep(log: Path, told: list[Segment], folder: Path) -> None:
-    """The parts of the log that the tests replay."""
+    """What the tests replay: the last part of each drive from the log, and that of "half" from the tlog."""
     folder.mkdir(parents=True, exist_ok=True)
-    first, last = told[0].start - 1.0, told[-1].start + SHORT.length + 1.0
-    (folder / "check.BIN").write_bytes(kept(log.read_bytes(), ("PIDS", "THR"), first, last))
+    spans = [(s.start + KEPT_FROM, s.start + SHORT.length) for s in told]
+    (folder / "check.BIN").write_bytes(kept(log.read_bytes(), ("PIDS", "THR"), *spans))
     entries = [{"name": s.name, "start_s": s.start, "parameters": dict(s.parameters)} for s in told]
     (folder / "check.json").write_text(json.dumps({"segments": entries}, indent=1) + "\n", encoding="utf-8")
+    half = next(s for s in told if s.name == "half")
+    tlog = (log.parents[2] / "drive.tlog").read_bytes()
+    (folder / "half.tlog").write_bytes(_kept_frames(tlog, half.start, half.start + SHORT.length))
+
+
+def _kept_frames(tlog: bytes, start: float, end: float) -> bytes:
+    """The telemetry of the drive from start to end [s since boot], and all parameters of the loop before."""
+    from pymavlink.dialects.v20 import ardupilotmega
+
+    parser, out, now, at = ardupilotmega.MAVLink(None), [], 0.0, 0
+    while at < len(tlog):
+        magic, size, flags = tlog[at + 8 : at + 11]
+        size += 8 if magic == 0xFE else 25 if flags & 1 else 12
+        frame = tlog[at : at + 8 + size]
+        message = parser.decode(bytearray(frame[8:]))
+        name = message.get_type()
+        now = getattr(message, "time_boot_ms", 1000 * now) / 1000
+        if (name == "PARAM_VALUE" and message.param_id.startswith(PARAMETERS) and now < end) or (
+            name in FRAMES and start <= now <= end
+        ):
+            out.append(frame)
+        at += len(frame)
+    return b"".join(out)
 
 
 def main() -> None:

@@ -87,7 +87,7 @@ def keep(log: Path, told: list[Segment], folder: Path) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     first, last = told[0].start - 1.0, told[-1].start + FULL.length + 1.0
     wanted = ("PIDS", "STER", "THR", "RCOU")
-    (folder / "acro.BIN").write_bytes(kept(log.read_bytes(), wanted, first, last))
+    (folder / "acro.BIN").write_bytes(kept(log.read_bytes(), wanted, (first, last)))
     entries = [{"name": s.name, "start_s": s.start, "parameters": dict(s.parameters)} for s in told]
     (folder / "acro.json").write_text(json.dumps({"segments": entries}, indent=1) + "\n", encoding="utf-8")
 

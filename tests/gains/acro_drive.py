@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from rover_sweep.data.recording import Array
-from rover_sweep.gains.controller import BEFORE, Step, simulated_step, step_metrics
+from rover_sweep.gains.controller import BEFORE, Step, limited_target, simulated_step, step_metrics
 from rover_sweep.gains.proposal import Proposal, family_of
 from rover_sweep.gains.steering_chain import Autopilot, Gains
 from rover_sweep.logs.readers.dataflash import index
@@ -90,14 +90,22 @@ def predicted(proposal: Proposal, loop: Autopilot, gains: Gains, speed: float | 
     return step_metrics(driven.t - BEFORE, driven.target, driven.rate[:, 0], STEP)
 
 
+def limited_targets(loop: Autopilot, speed: float, wanted: Array) -> Array:
+    """The firmware's limited target (m,) for a requested turn rate (m,) [rad/s], one value per main loop."""
+    out, now = np.empty_like(wanted), 0.0
+    for k, want in enumerate(wanted):
+        now = out[k] = limited_target(loop, speed, float(want), now)
+    return out
+
+
 def segments(path: Path) -> dict[str, Segment]:
     """Those of the .json beside a log."""
     entries = json.loads(path.read_text(encoding="utf-8"))["segments"]
     return {e["name"]: Segment(e["name"], e["start_s"], e["parameters"]) for e in entries}
 
 
-def kept(log: bytes, names: tuple[str, ...], start: float, end: float) -> bytes:
-    """The log with these messages alone, from start to end [s]; all formats, parameters and texts."""
+def kept(log: bytes, names: tuple[str, ...], *spans: tuple[float, float]) -> bytes:
+    """The log with these messages alone, within spans (start, end) [s]; all formats, parameters and texts."""
     with tempfile.NamedTemporaryFile(suffix=".BIN") as file:
         file.write(log)
         file.flush()
@@ -107,7 +115,7 @@ def kept(log: bytes, names: tuple[str, ...], start: float, end: float) -> bytes:
             at = flash.positions(name)
             if name in names:
                 seconds = flash.seconds(name)
-                at = at[(seconds >= start) & (seconds <= end)]
+                at = at[np.any([(seconds >= start) & (seconds <= end) for start, end in spans], axis=0)]
             chosen += [(int(p), flash.formats[name].length) for p in at]
     return b"".join(log[p : p + length] for p, length in sorted(chosen))
 

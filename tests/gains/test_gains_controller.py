@@ -6,9 +6,10 @@ import math
 
 import numpy as np
 import pytest
+from acro_drive import limited_targets
 
 from rover_sweep.data.geometry import Geometry
-from rover_sweep.gains.controller import RatePid, feedback_response, limited_target, simulate_loop
+from rover_sweep.gains.controller import RatePid, feedback_response, simulate_loop
 from rover_sweep.gains.steering_chain import Gains, SampledPlant, autopilot, sampled_plant
 from rover_sweep.gains.tuning import frequencies, margins
 from rover_sweep.identification.models import bicycle, kinematic
@@ -109,11 +110,11 @@ def test_without_the_scale_the_feed_forward_is_wrong_by_the_speed():
 def test_the_target_is_limited_as_in_the_firmware():
     """ATC_STR_ACC_MAX, ATC_STR_RAT_MAX and ATC_TURN_MAX_G over the speed, whichever is less."""
     loop = autopilot({"ATC_STR_ACC_MAX": 120.0, "ATC_STR_RAT_MAX": 90.0, "ATC_TURN_MAX_G": 0.2})
-    target = limited_target(loop, 2.0, np.full(100, 3.0))
+    target = limited_targets(loop, 2.0, np.full(100, 3.0))
     assert target[0] == pytest.approx(math.radians(120) * 0.02)
     assert np.diff(target).max() <= math.radians(120) * 0.02 + 1e-12
     assert target[-1] == pytest.approx(0.2 * 9.80665 / 2.0)
-    assert limited_target(loop, 0.5, np.full(100, 3.0))[-1] == pytest.approx(math.radians(90))
+    assert limited_targets(loop, 0.5, np.full(100, 3.0))[-1] == pytest.approx(math.radians(90))
 
 
 def test_a_reversed_servo_turns_sign_and_sides():

@@ -3,20 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
+from acro_drive import limited_targets
 
 from rover_sweep.data.recording import Array
-from rover_sweep.gains.controller import (
-    BEFORE,
-    RatePid,
-    Step,
-    limited_target,
-    simulated_step,
-    step_metrics,
-    step_target,
-)
+from rover_sweep.gains.controller import BEFORE, RatePid, Step, simulated_step, step_metrics, step_target
 from rover_sweep.gains.proposal import Proposal
 from rover_sweep.gains.steering_chain import Autopilot, Gains
 from sitl.plant.plant import Plant
@@ -29,9 +23,11 @@ WARM = 6.0  # s to reach the speed
 SMOOTH = {"road_force": 0.0, "road_yaw_moment": 0.0, "road_roll_moment": 0.0}
 
 
-def on_the_plant(loop: Autopilot, gains: Gains, size: float) -> tuple[Array, Array, float]:
+def on_the_plant(
+    loop: Autopilot, gains: Gains, size: float, variant: str | Path = "nominal"
+) -> tuple[Array, Array, float]:
     """(t, measured turn rate, speed) of a step on the plant at some 2.5 m/s; right is positive."""
-    plant = Plant(replace(load_variant("nominal"), **SMOOTH))
+    plant = Plant(replace(load_variant(variant), **SMOOTH))
     gyro, ticks = LowPassFilter2p(RATE, loop.gyro_hz), round(RATE / loop.loop_hz)
     for _ in range(round(WARM * RATE)):
         plant.step(1500.0, THROTTLE, 1 / RATE)
@@ -39,7 +35,7 @@ def on_the_plant(loop: Autopilot, gains: Gains, size: float) -> tuple[Array, Arr
     wanted = step_target(loop, size)
     pid = RatePid(gains, loop.period, *(np.array([g]) for g in (gains.p, gains.i, gains.ff)))
     limit, seen, measured = np.zeros(1, dtype=bool), [], gyro.apply(-plant.state.r)
-    for target in limited_target(loop, plant.state.vx, wanted):
+    for target in limited_targets(loop, plant.state.vx, wanted):
         seen.append(measured)
         out = pid.update(float(target), np.array([measured]), limit) * loop.speed_scale(plant.state.vx)
         limit = np.abs(out) >= 1.0
@@ -66,7 +62,7 @@ def test_the_step_comes_as_predicted(proposal: Proposal, size: float):
     loop = proposal.autopilot
     t, rate, speed = on_the_plant(loop, proposal.proposed.gains, size)
     assert speed == pytest.approx(2.5, abs=0.1)
-    target = limited_target(loop, speed, step_target(loop, size))
+    target = limited_targets(loop, speed, step_target(loop, size))
     seen, told = step_metrics(t - BEFORE, target, rate, size), model_step(proposal, size)
     assert seen.overshoot == pytest.approx(told.overshoot, abs=3.0)
     assert seen.rise == pytest.approx(told.rise, abs=0.02)
