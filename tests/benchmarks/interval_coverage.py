@@ -14,7 +14,7 @@ from __future__ import annotations
 import argparse
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -27,9 +27,7 @@ from rover_sweep.identification.models import roll_yaw
 from rover_sweep.identification.pipeline import Identification
 from rover_sweep.study.virtual_study import true_parameters
 from sitl.plant.variant import PlantParameters, load_variant
-from tests.comparison.pairs import drawn, drive, vehicle_file
-from tests.foreign.recorded import drives, runs_of
-from tests.foreign.rover import SIZES, draw_rover
+from tests.comparison.pairs import drive, varied, vehicle_file
 
 NOMINAL = Path(__file__).parents[1] / "data" / "ardurover-4.6.3" / "nominal"
 SWEEPS = (NOMINAL / "run1.BIN", NOMINAL / "run2.BIN")
@@ -59,7 +57,9 @@ class Checked:
 
 def rover_named(name: str) -> PlantParameters:
     """`nominal`, or the rover that a number draws."""
-    return load_variant("nominal") if name == "nominal" else drawn("agree", int(name)).recorded
+    if name == "nominal":
+        return load_variant("nominal")
+    return varied(load_variant("nominal"), np.random.default_rng([int(name), 3]))
 
 
 def identified(rover: PlantParameters, seed: int, folder: Path, measured: bool = False) -> Identification:
@@ -90,38 +90,10 @@ def _exact_file(rover: PlantParameters) -> str:
     return "\n".join(["[vehicle]", 'name = "exact"', *body, "[steering]", *steering, "[imu]", imu])
 
 
-def foreign_checked(seed: int, measured: bool, model: str) -> list[Checked]:
-    """The parameters of another rover for each seed, of the other simulation and from 2 to 420 kg."""
-    rng = np.random.default_rng([0, seed])
-    rover = draw_rover(rng, SIZES[int(rng.integers(len(SIZES)))])
-    plan, n, instruments = drives(rng, rover), rover.numbers, rover.instruments
-    told = {
-        "mass": n.m,
-        "sprung_mass": n.ms,
-        "cg_to_front_axle": n.a,
-        "cg_to_rear_axle": n.b,
-        "cg_height_above_roll_centre": n.h,
-        "roll_inertia": n.Ixx,
-        "rad_per_us": rover.rad_per_us,
-        "imu_x": instruments.imu_x,
-        "imu_z": instruments.imu_z,
-    }
-    exact = replace(rover, told={key: float(value) for key, value in told.items()})
-    runs, held = runs_of(rover if measured else exact, plan, seed)
-    tau = rover.delay + 1 / n.gain  # the loop's lag, whatever its motor's
-    mean = (n.Cf + n.Cr) / 2
-    names = {"C": mean, "Cf": n.Cf, "Cr": n.Cr, "Izz": n.Izz, "k_phi": n.kphi, "b_phi": n.bphi, "tau": tau}
-    return checked(rs.identify(runs, held, bootstrap=REPLICATES), names, model)
-
-
 def parameters_checked(found: Identification, rover: PlantParameters, model: str = "") -> list[Checked]:
     """The free parameters of a model, default the recommended one, with the truth."""
-    truth = true_parameters(rover)
-    return checked(found, truth | {"C": (truth["Cf"] + truth["Cr"]) / 2}, model)
-
-
-def checked(found: Identification, true: Mapping[str, float], model: str = "") -> list[Checked]:
-    """The free parameters of a model, default the recommended one, with these true ones."""
+    true = true_parameters(rover)
+    true |= {"C": (true["Cf"] + true["Cr"]) / 2}
     fit = found.models[model or str(found.recommended)].fit
     conditions = [g.condition(tuple(fit.costs)) for g in found.groups]
     noise = {i.name: i for i in Bootstrap(found.groups, conditions).intervals(fit, REPLICATES)}
@@ -194,18 +166,10 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m tests.benchmarks.interval_coverage", description=__doc__)
     parser.add_argument("--seeds", type=int, default=10)
     parser.add_argument("--first", type=int, default=1, help="first seed")
-    parser.add_argument(
-        "--foreign", action="store_true", help="instead, a rover of the other simulation a seed"
-    )
     parser.add_argument("--rovers", nargs="+", default=["nominal", "1", "2"], help="nominal, or numbers")
     parser.add_argument("--model", default="", help="parameters of this model; default the recommended one")
     parser.add_argument("--measured", action="store_true", help="vehicle file with errors")
     asked = parser.parse_args()
-    if asked.foreign:
-        seeds = range(asked.first, asked.first + asked.seeds)
-        found = [foreign_checked(seed, asked.measured, asked.model) for seed in seeds]
-        show(f"rovers of the other simulation, {asked.model or 'recommended'} model:", by_name(found))
-        return
     for k, name in enumerate(asked.rovers):
         first = asked.first + 100 * k  # other noise for every rover
         seeds = range(first, first + asked.seeds)

@@ -47,6 +47,7 @@ def planner(spread: Tolerances | None = None, wanted: Sequence[str] = ()) -> Pla
 
 @cache
 def usual() -> Planner:
+    """With these runs simulated; what `replace` makes of it shares them."""
     found = planner()
     found.simulate((SMALL, LARGE, SLOW, STEPS, BLOCKS), (0.0, 1.0))
     return found
@@ -134,7 +135,7 @@ def test_blocks_separate_a_lag_of_the_servo_from_one_of_the_tyres() -> None:
 
 
 def test_two_clocks_make_an_offset_a_delay() -> None:
-    one, two = planner(), planner()
+    one, two = usual(), planner()
     two.model = replace(two.model, two_clocks=True)
     near, far = (expected(p.together((SMALL,)), ["transport_delay"]).shares[0] for p in (one, two))
     assert near["clock_offset"] < 0.05 < 0.3 < far["clock_offset"]
@@ -191,7 +192,8 @@ def test_a_plan_proposes_what_names_the_wanted_effect(monkeypatch: pytest.Monkey
 
 
 def test_a_detectable_size_is_not_below_the_one_that_matters_and_falls_with_more_runs() -> None:
-    one = planner(wanted=("steering_backlash", "imu_offset", "tyre_relaxation", "steering_nonlinearity"))
+    wanted = ("steering_backlash", "imu_offset", "tyre_relaxation", "steering_nonlinearity")
+    one = replace(usual(), wanted=wanted)
     few, more = detectable(one, (SMALL,)), detectable(one, (SMALL, LARGE, SLOW))
     assert set(few) == set(more) == set(one.wanted)
     for effect, size in more.items():
@@ -201,7 +203,7 @@ def test_a_detectable_size_is_not_below_the_one_that_matters_and_falls_with_more
 
 
 def test_an_effect_is_sure_at_its_detectable_size_only() -> None:
-    one = planner(wanted=("steering_nonlinearity",))
+    one = replace(usual(), wanted=("steering_nonlinearity",))
     size = detectable(one, (LARGE,))["steering_nonlinearity"].size or 0.0
     effect, own = "steering_nonlinearity", one.assumed.first("steering_nonlinearity").size
     for factor, named in ((0.8, False), (1.25, True)):
@@ -211,7 +213,7 @@ def test_an_effect_is_sure_at_its_detectable_size_only() -> None:
 
 def test_recorded_noise_counts_in_a_plan() -> None:
     """Ten times the noise power makes the same tyre saturation harder to find: its mu must be smaller."""
-    quiet, loud = planner(wanted=("tyre_saturation",)), planner(wanted=("tyre_saturation",))
+    quiet, loud = replace(usual(), wanted=("tyre_saturation",)), planner(wanted=("tyre_saturation",))
     floor = quiet.assumed.floor
     more = Floor(floor.f, {c: 10.0 * d for c, d in floor.density.items()})
     loud.assumed = replace(quiet.assumed, floor=more)
@@ -221,7 +223,7 @@ def test_recorded_noise_counts_in_a_plan() -> None:
 
 def test_the_next_run_tells_most_about_what_is_open() -> None:
     """A run that hardly turns tells little; what is sure needs no run."""
-    one, first = planner(), "tyre_saturation"
+    one, first = usual(), "tyre_saturation"
     still = PlannedRun("sweep", 20.0, 0.8)
     odds = {first: 0.5, "steering_nonlinearity": 0.4, NONE: 0.05, OTHER: 0.05}
     found = run_values(one, (SMALL,), (still, LARGE), odds)
