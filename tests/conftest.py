@@ -9,7 +9,8 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before numpy: two workers 
 import pytest
 
 DATA = Path(__file__).parent / "data"
-SHARING = ("tests/gains", "tests/report", "tests/study")  # folders whose conftest.py identifies or drives
+# folders whose conftest.py identifies or drives
+SHARING = ("tests/api", "tests/gains", "tests/report", "tests/study")
 LONG = (  # a minute of one core or more
     "tests/tui/test_tui_on_rover",
     "tests/virtual/test_virtual_matrix",

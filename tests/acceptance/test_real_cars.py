@@ -27,7 +27,7 @@ def cars(foreign_recordings: Path) -> dict[str, Any]:
             vehicle=MAPS / f"{name}.vehicle.toml",
             columns=MAPS / f"{name}.columns.toml",
         )
-        found[name] = rs.identify(runs)
+        found[name] = rs.identify(runs, bootstrap=20)
     return found
 
 

@@ -22,18 +22,7 @@ matplotlib.use("Agg")
 from matplotlib import pyplot
 
 DATA = Path(__file__).parents[1] / "data"
-NOMINAL = DATA / "ardurover-4.6.3" / "nominal"
 WORN = DATA / "concealed-ardurover" / "f"
-
-
-@pytest.fixture(scope="module")
-def runs() -> Runs:
-    return rs.read(NOMINAL / "run1.BIN", NOMINAL / "run4.BIN", vehicle=DATA / "rover.toml")
-
-
-@pytest.fixture(scope="module")
-def result(runs: Runs) -> rs.Result:
-    return rs.identify(runs, models=["bicycle", "roll-yaw"], bootstrap=20)
 
 
 @pytest.fixture(scope="module")

@@ -20,16 +20,6 @@ NOMINAL = ROOT / "tests/data/ardurover-4.6.3/nominal"
 ROVER = ROOT / "tests/data/rover.toml"
 
 
-@pytest.fixture(scope="module")
-def runs() -> Any:
-    return rs.read(NOMINAL / "run1.BIN", NOMINAL / "run4.BIN", vehicle=ROVER)
-
-
-@pytest.fixture(scope="module")
-def result(runs: Any) -> Any:
-    return rs.identify(runs)
-
-
 @pytest.mark.parametrize(
     ("wrong", "sentence"),
     [

@@ -1,31 +1,17 @@
 from __future__ import annotations
 
-import json
 import shutil
-import signal
-import subprocess
-import sys
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
 from synthetic_servo import VARIANT
 
+from sitl.launcher import start_embedded
+
 ROOT = Path(__file__).parents[2]
 OnBlocks = Callable[..., str]
-
-
-@contextmanager
-def _embedded(directory: Path, options: tuple[str, ...]) -> Iterator[str]:
-    command = [sys.executable, "-m", "sitl.embedded", "--directory", str(directory), *options]
-    program = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=ROOT)
-    try:
-        assert program.stdout is not None
-        yield f"tcp:127.0.0.1:{json.loads(program.stdout.readline())['tcp']}"
-    finally:
-        program.send_signal(signal.SIGTERM)
-        program.wait(5.0)
 
 
 @pytest.fixture
@@ -36,8 +22,10 @@ def on_blocks(tmp_path: Path) -> Iterator[OnBlocks]:
     with ExitStack() as stack:
 
         def start(*options: str) -> str:
-            given = ("--variant", str(variant), "--parameter", "SCHED_LOOP_RATE=100", *options)
-            return stack.enter_context(_embedded(tmp_path / "rover", given))
+            given = ("--parameter", "SCHED_LOOP_RATE=100", *options)
+            return stack.enter_context(
+                start_embedded(tmp_path / "rover", variant=variant, options=given)
+            ).connection
 
         yield start
 

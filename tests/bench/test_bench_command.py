@@ -48,6 +48,11 @@ class Beside:
         return angle, f"{degrees(angle):.2f}"
 
 
+def made(path: Path) -> BenchFolder:
+    path.mkdir()
+    return BenchFolder(path)
+
+
 def overrides(tlog: Path) -> set[int]:
     """Channels that were not the radio's, by what the rover says its inputs were."""
     rows = open_tlog(tlog, frozenset({"RC_CHANNELS"})).messages["RC_CHANNELS"].rows
@@ -60,23 +65,10 @@ def test_a_wheel_imu_finds_what_the_rover_was_made_with(
     wheel, out = tmp_path / "imu.csv", tmp_path / "bench"
     url = on_blocks("--wheel", str(wheel))
     common = ["--vehicle", str(vehicle_toml), "--json"]
-    code = run(
-        [
-            "bench",
-            "--connect",
-            url,
-            "--wheel-imu",
-            str(wheel),
-            "--wheel-clock",
-            "vehicle",
-            "--yes",
-            "--steps",
-            "100,250",
-            "--out",
-            str(out),
-            *common,
-        ]
+    asked = (
+        f"bench --connect {url} --wheel-imu {wheel} --wheel-clock vehicle --yes --steps 100,250 --out {out}"
     )
+    code = run([*asked.split(), *common])
     told = capsys.readouterr()
     assert code == 0, told.err
     assert "JUMP" in told.err and "RC_OVERRIDE_TIME" in told.err
@@ -114,8 +106,7 @@ def test_a_wheel_imu_finds_what_the_rover_was_made_with(
 def test_angles_by_hand_are_kept_one_by_one_and_evaluated_after_a_stop(
     on_blocks: OnBlocks, vehicle_toml: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ):
-    folder = BenchFolder(tmp_path / "bench")
-    folder.path.mkdir()
+    folder = made(tmp_path / "bench")
     url = on_blocks()
 
     def pulls_the_plug() -> None:
@@ -137,8 +128,7 @@ def test_angles_by_hand_are_kept_one_by_one_and_evaluated_after_a_stop(
 
 
 def test_the_steering_is_let_go_when_the_pilot_takes_the_mode_away(on_blocks: OnBlocks, tmp_path: Path):
-    folder = BenchFolder(tmp_path / "bench")
-    folder.path.mkdir()
+    folder = made(tmp_path / "bench")
     url = on_blocks()
 
     def takes_it() -> None:
@@ -171,8 +161,7 @@ def test_the_steering_is_let_go_when_the_pilot_takes_the_mode_away(on_blocks: On
 def test_what_makes_it_unsafe_is_refused_before_anything_moves(
     on_blocks: OnBlocks, tmp_path: Path, name: str, value: float, sentence: str
 ):
-    folder = BenchFolder(tmp_path / "bench")
-    folder.path.mkdir()
+    folder = made(tmp_path / "bench")
     operator = Beside()
     with pytest.raises(UsageError, match=sentence):
         drive_bench(
@@ -186,8 +175,7 @@ def test_what_makes_it_unsafe_is_refused_before_anything_moves(
 
 def test_the_stick_stays_away_from_where_it_arms(on_blocks: OnBlocks, tmp_path: Path):
     """3800 of 4500 unless ARMING_RUDDER is 0: ArduPilot arms at 4000 held to the right for 2 s."""
-    folder = BenchFolder(tmp_path / "bench")
-    folder.path.mkdir()
+    folder = made(tmp_path / "bench")
     url = on_blocks()
     with Link.open(url, tmp_path / "set.tlog") as link:
         write_parameter(link, "SERVO1_MIN", 1100)
@@ -197,8 +185,7 @@ def test_the_stick_stays_away_from_where_it_arms(on_blocks: OnBlocks, tmp_path: 
 
 
 def test_an_armed_rover_is_refused(on_blocks: OnBlocks, tmp_path: Path):
-    folder = BenchFolder(tmp_path / "bench")
-    folder.path.mkdir()
+    folder = made(tmp_path / "bench")
     url = on_blocks()
     with Link.open(url, tmp_path / "arm.tlog") as link:
         for _ in range(200):

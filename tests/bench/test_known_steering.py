@@ -197,25 +197,8 @@ def test_a_bench_takes_the_look_alikes_out_of_a_diagnosis(
     hidden = rs.diagnose(rs.read(sweep, vehicle=vehicle_toml), without=without)
     assert "steering_backlash" in {f.effect for f in hidden.findings} and len(hidden.findings) > 1
 
-    code = run(
-        [
-            "bench",
-            "--connect",
-            url,
-            "--wheel-imu",
-            str(wheel),
-            "--wheel-clock",
-            "vehicle",
-            "--yes",
-            "--steps",
-            "100,250",
-            "--out",
-            str(tmp_path / "bench"),
-            "--vehicle",
-            str(vehicle_toml),
-        ]
-    )
-    assert code == 0
+    asked = f"bench --connect {url} --wheel-imu {wheel} --wheel-clock vehicle --yes --steps 100,250"
+    assert run([*asked.split(), "--out", str(tmp_path / "bench"), "--vehicle", str(vehicle_toml)]) == 0
     found = rs.diagnose(rs.read(sweep, vehicle=vehicle_toml), without=without)
     assert found.verdict == "none" and not found.findings
     told = " ".join(found.remarks)

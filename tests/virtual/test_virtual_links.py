@@ -74,7 +74,7 @@ def without(*names: str) -> Iterator[None]:
 
 
 @pytest.mark.parametrize("weather", SLOWER)
-@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.slow)])
 def test_a_poor_link_is_only_slower(tmp_path: Path, weather: str, seed: int) -> None:
     with linked(tmp_path, SLOWER[weather], seed=seed) as (world, link):
         assert identify_vehicle(link).firmware.startswith("ArduRover")
