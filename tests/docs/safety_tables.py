@@ -18,8 +18,8 @@ sys.path.extend(
 
 from test_faults_firmware import SCENARIOS
 from test_stopping import CONDITIONS
+from test_stopping_firmware import test_the_motor_is_back as motor
 from test_stopping_firmware import test_the_steering_is_back as steering
-from test_throttle_stopping_firmware import test_the_motor_is_back as motor
 from virtual_matrix import CASES, Case
 from virtual_promises import MAY_BE_LATE, OVERRIDE_HOLDS, WAITING_LIMIT, WINDS_DOWN
 from virtual_world import PHASES
