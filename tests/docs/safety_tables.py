@@ -17,7 +17,7 @@ sys.path.extend(
 )
 
 from test_faults_firmware import SCENARIOS
-from test_stopping import CONDITIONS
+from test_stopping import CONDITIONS, STEERED
 from test_stopping_firmware import test_the_motor_is_back as motor
 from test_stopping_firmware import test_the_steering_is_back as steering
 from virtual_matrix import CASES, Case
@@ -147,8 +147,8 @@ def _applet() -> list[str]:
     return _rows(
         ("condition", "the applet says", "looked at"),
         (
-            (c.name, f"`{c.said}`", "while it steers" if c.steering_only else "from the switch on")
-            for c in CONDITIONS
+            (name, f"`{said}`", "while it steers" if name in STEERED else "from the switch on")
+            for name, (_, said, _) in CONDITIONS.items()
         ),
     )
 
