@@ -14,7 +14,8 @@ import numpy as np
 import pytest
 
 from sitl.json_server import LOOPBACK, Physics, ServoFrame, main, parse_request, serve
-from sitl.plant.plant import GRAVITY, load_variant
+from sitl.plant.plant import GRAVITY
+from sitl.plant.variant import load_variant
 
 NOMINAL = load_variant("nominal")
 

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from math import cos, radians, sin
+from math import atan, cos, exp, radians, sin
 
 import numpy as np
 import pytest
 
-from sitl.plant.plant import GRAVITY, Plant, PlantParameters, load_variant
+from sitl.plant.motor import Motor
+from sitl.plant.plant import GRAVITY, Plant, PlantParameters
+from sitl.plant.servo import Servo
+from sitl.plant.tyre import LOW_SPEED, lateral_force, slip_angle
+from sitl.plant.variant import load_variant
 
 NOMINAL = load_variant("nominal")
 SMOOTH = {"road_force": 0.0, "road_yaw_moment": 0.0, "road_roll_moment": 0.0}
@@ -274,3 +278,122 @@ def test_road_shakes_lightly() -> None:
         plant.step(1500, 1710, DT)
         rates.append(plant.state.r)
     assert radians(0.1) < np.std(rates) < radians(2.0)
+
+
+# ---- Tyre law: slope, limit, symmetry, standstill.
+
+
+def test_slope_at_zero_slip_is_the_cornering_stiffness() -> None:
+    assert lateral_force(1e-6, 31.0, 11.0, 1.3) == pytest.approx(-31.0e-6, rel=1e-6)
+
+
+def test_saturates_at_the_peak_and_is_odd() -> None:
+    forces = [lateral_force(radians(a), 31.0, 11.0, 1.3) for a in range(0, 91)]
+    assert min(forces) >= -11.0
+    assert min(forces) == pytest.approx(-11.0, rel=1e-3)
+    assert lateral_force(-0.1, 31.0, 11.0, 1.3) == -lateral_force(0.1, 31.0, 11.0, 1.3)
+
+
+def test_saturation_is_mild_at_small_slip() -> None:
+    """At a quarter of the peak the loss is about 2 %."""
+    slip = 0.25 * 11.0 / 31.0
+    assert 0.97 < -lateral_force(slip, 31.0, 11.0, 1.3) / (31.0 * slip) < 0.985
+
+
+def test_slip_angle_is_exact_when_rolling_and_zero_at_rest() -> None:
+    assert slip_angle(2.0, 0.1) == pytest.approx(atan(0.05))
+    assert slip_angle(-2.0, 0.1) == pytest.approx(atan(0.05)), "going back, the force still opposes the slide"
+    assert slip_angle(0.0, 0.0) == 0
+    assert slip_angle(0.0, 0.03) == pytest.approx(atan(0.03 / LOW_SPEED))
+
+
+# ---- Steering servo: delay, lag, rate limit, end stops, on any step.
+
+
+def after(servo: Servo, pwm: float, seconds: float, dt: float) -> float:
+    t = 0.0
+    for _ in range(round(seconds / dt)):
+        servo.command(pwm, t)
+        servo.advance(t, t + dt)
+        t += dt
+    return servo.angle
+
+
+@pytest.mark.parametrize("dt", [0.0005, 0.0025, 0.004])
+def test_delay_then_first_order_lag(dt: float) -> None:
+    q = replace(NOMINAL, servo_rate_limit=1e3)
+    seconds = 0.06
+    wanted = -100 * q.rad_per_us * (1 - exp(-(seconds - q.servo_delay) / q.servo_lag))
+    assert after(Servo(q), 1600, seconds, dt) == pytest.approx(wanted, rel=1e-6)
+    assert after(Servo(q), 1600, 0.012, dt) == 0
+
+
+def test_rate_limit_holds_until_the_lag_asks_for_less() -> None:
+    q = replace(NOMINAL, servo_rate_limit=2.0, servo_delay=0.0)
+    target = -300 * q.rad_per_us
+    knee = (abs(target) - 2.0 * q.servo_lag) / 2.0
+    assert after(Servo(q), 1800, 0.1, 0.0025) == pytest.approx(-0.2, rel=1e-9)
+    later = knee + 0.03
+    wanted = target + 2.0 * q.servo_lag * exp(-0.03 / q.servo_lag)
+    servo = Servo(q)
+    servo.command(1800, 0.0)
+    assert servo.advance(0.0, later) == pytest.approx(wanted, rel=1e-9)
+
+
+def test_end_stops_and_direction() -> None:
+    assert after(Servo(NOMINAL), 2200, 1.0, 0.0025) == pytest.approx(-NOMINAL.steering_limit)
+    assert after(Servo(NOMINAL), 1000, 1.0, 0.0025) == pytest.approx(0.475)
+
+
+def test_a_missing_pulse_leaves_it_alone() -> None:
+    servo = Servo(NOMINAL)
+    reached = after(servo, 1600, 1.0, 0.0025)
+    servo.command(0, 1.0)
+    assert servo.advance(1.0, 2.0) == pytest.approx(reached)
+
+
+def test_commands_within_one_step_are_kept_apart() -> None:
+    """A pulse shorter than the delay must come out as a pulse, delayed, even in one long step."""
+    q = replace(NOMINAL, servo_lag=0.0, servo_rate_limit=1e6)
+    servo = Servo(q)
+    servo.command(1600, 0.0)
+    servo.advance(0.0, 0.005)
+    servo.command(1500, 0.005)
+    assert servo.advance(0.005, 0.0175) == pytest.approx(-100 * q.rad_per_us)
+    assert servo.advance(0.0175, 0.03) == pytest.approx(0.0)
+
+
+# ---- The simulated motor: delay and dead zone before the drive.
+
+
+def steady_speed(us: float, **changes: float) -> float:
+    plant = Plant(replace(NOMINAL, road_force=0.0, road_yaw_moment=0.0, road_roll_moment=0.0, **changes))
+    for _ in range(4000):
+        plant.step(1500, us, 0.0025)
+    return plant.state.vx
+
+
+def test_delay_holds_a_change_back() -> None:
+    motor = Motor(replace(NOMINAL, throttle_delay=0.1))
+    motor.command(1700, 0.0)
+    assert motor.wanted_speed(0.099) == 0.0
+    assert motor.wanted_speed(0.101) == pytest.approx(200 * NOMINAL.speed_per_us)
+
+
+def test_lost_throttle_shifts_the_drive() -> None:
+    plain, lost = steady_speed(1700), steady_speed(1730, throttle_lost_us=30)
+    assert lost == pytest.approx(plain, rel=1e-3) and plain > 2.0
+    assert Motor(replace(NOMINAL, throttle_lost_us=30)).wanted_speed(0.0) == 0.0
+
+
+def test_both_sides_of_neutral() -> None:
+    motor = Motor(replace(NOMINAL, throttle_lost_us=30))
+    motor.command(1370, 0.0)
+    assert motor.wanted_speed(0.0) == pytest.approx(-100 * NOMINAL.speed_per_us)
+
+
+def test_no_pulse_is_no_drive() -> None:
+    motor = Motor(NOMINAL)
+    motor.command(1700, 0.0)
+    motor.command(0, 0.1)
+    assert motor.wanted_speed(0.2) == 0.0

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+from math import isfinite
 from pathlib import Path
 
 import pytest
 
-from sitl.plant.plant import load_variant, variant_names
+from rover_sweep.diagnosis.effects import every_form
+from sitl.plant.effects.replaced_numbers import resolved
+from sitl.plant.effects_table import PARAMETERS
+from sitl.plant.variant import PlantParameters, load_variant, variant_names
+from sitl.rover_file import rover_file
 
 
 def test_names_that_come_with_the_project() -> None:
@@ -67,3 +72,133 @@ def test_a_wrong_entry_is_named(tmp_path: Path, text: str, said: str) -> None:
 def test_unknown_variant_says_which_there_are() -> None:
     with pytest.raises(ValueError, match="no variant icy: give one of .*slippery"):
         load_variant("icy")
+
+
+# ---- The table [effects] of a variant: read, inherited, refused in words; numbers that take others' places.
+
+
+def variant(folder: Path, text: str) -> PlantParameters:
+    path = folder / "rover.toml"
+    path.write_text('base = "nominal"\n[effects]\n' + text)
+    return load_variant(path)
+
+
+def test_no_variant_of_the_project_has_effects() -> None:
+    assert {name for name in variant_names() if load_variant(name).effects} == set()
+
+
+def test_ids_and_parameters_of_the_contract() -> None:
+    assert {name: set(rules) for name, rules in PARAMETERS.items()} == {
+        "servo_lag": {"T", "q"},
+        "steering_stiction": {"s"},
+        "steering_scale": {"s"},
+        "steering_compliance": {"k"},
+        "yaw_damping": {"c"},
+        "side_wind": {"w", "psi0", "x"},
+        "sensor_scale": {"gyro", "accel"},
+        "servo_rate_limit": {"R"},
+        "steering_deadband": {"w"},
+        "steering_backlash": {"b"},
+        "steering_nonlinearity": {"c3"},
+        "steering_asymmetry": {"e"},
+        "steering_trim": {"u0"},
+        "transport_delay": {"T"},
+        "clock_offset": {"T"},
+        "tyre_relaxation": {"sigma"},
+        "tyre_saturation": {"mu"},
+        "load_transfer": {"k"},
+        "tyre_speed": {"k"},
+        "front_rear_stiffness": {"ratio"},
+        "tyre_slip": {"C", "Izz"},
+        "roll_dof": {"k_phi", "b_phi"},
+        "roll_steer": {"e"},
+        "suspension_friction": {"T"},
+        "speed_variation": {"D"},
+        "imu_offset": {"x", "z"},
+        "imu_tilt": {"roll", "pitch", "yaw"},
+        "sensor_filter": {"gyro_hz", "accel_hz"},
+        "velocity_lag": {"T"},
+        "surface_change": {"ratio", "t", "distance"},
+        "cross_slope": {"b", "psi0"},
+    }
+
+
+def test_effects_stand_beside_other_numbers_and_are_inherited(tmp_path: Path) -> None:
+    (tmp_path / "loose.toml").write_text(
+        'base = "nominal"\nmass = 3\n[effects]\nsteering_backlash = { b = 0.012 }\nroll_steer = { e = 0.1 }\n'
+    )
+    (tmp_path / "looser.toml").write_text(
+        'base = "loose.toml"\n[effects]\nsteering_backlash = { b = 0.02 }\n'
+    )
+    assert load_variant(tmp_path / "loose.toml").mass == 3.0
+    assert load_variant(tmp_path / "looser.toml").effects == {
+        "steering_backlash": {"b": 0.02},
+        "roll_steer": {"e": 0.1},
+    }
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("steering_slack = { b = 1 }", "no effect steering_slack; there are servo_lag"),
+        ("steering_backlash = 0.012", r"steering_backlash = 0.012 must be a table, as in: .*\{ b = \.\. \}"),
+        ("steering_backlash = { w = 1 }", "steering_backlash has no parameter w; it has b"),
+        ("tyre_slip = { C = 30 }", "tyre_slip lacks Izz"),
+        ("steering_backlash = { b = -0.1 }", "b = -0.1 must be at least 0"),
+        ("servo_rate_limit = { R = 0 }", "R = 0 must be greater than 0"),
+        ("tyre_saturation = { mu = 1e-300 }", "mu = 1e-300 must be at least 0.01"),
+        ("servo_rate_limit = { R = inf }", "R = inf must be a finite number"),
+        ("imu_tilt = { roll = 9 }", "roll = 9 must lie between -1.6 and 1.6 rad"),
+        ("steering_nonlinearity = { c3 = -1e6 }", "c3 = -1000000.0 must lie between -30 and 30 1/rad2"),
+        ("transport_delay = { T = 1e9 }", "T = 1000000000.0 must be at least 0 and at most 2 s"),
+        ("servo_rate_limit = { R = 1e6 }", "R = 1000000.0 must be greater than 0 and at most 100000 rad/s"),
+        ("imu_tilt = {}", "imu_tilt is empty: give at least one of roll, pitch, yaw"),
+        ("surface_change = { ratio = 0.8 }", r"needs either t \[s\] or distance"),
+        (
+            'tyre_saturation = { mu = 1, form = "cubic" }',
+            "'cubic' must be one of tanh, brush, \"falling peak\", knee",
+        ),
+        ("roll_steer = { e = 1, form = 2 }", "form = 2 must be one of"),
+        ('load_transfer = { k = 0.1, form = "brush" }', "load_transfer has no parameter form; it has k"),
+        ("servo_lag = { T = 0.1, q = 1 }", 'q goes with form = "second order"'),
+        ('servo_lag = { T = 0.1, form = "second order" }', 'q goes with form = "second order"'),
+        ('steering_deadband = { w = 0.1, form = "full travel" }', 'give of = "command"'),
+        ('surface_change = { ratio = 1, t = 0, form = "all along" }', "leave out t and distance"),
+        ('surface_change = { ratio = 1, distance = 0, form = "over ten seconds" }', "needs t"),
+        ('clock_offset = { T = 0.1, stream = "gyro" }', "stream = 'gyro' must be one of steering, velocity"),
+    ],
+)
+def test_a_wrong_effect_is_named(tmp_path: Path, text: str, said: str) -> None:
+    with pytest.raises(ValueError, match=f"variant rover.toml: .*{said}"):
+        variant(tmp_path, text)
+
+
+def test_all_that_a_diagnosis_may_find_lies_within_the_limits() -> None:
+    for effect in every_form().values():
+        for p in effect.parameters:
+            if (rule := PARAMETERS[effect.id].get(p.name)) is None:
+                continue
+            values = [p.value(p.low), p.value(p.high)]
+            assert all(rule.low <= value <= rule.high for value in values if isfinite(value)), (effect.id, p)
+
+
+def test_effects_that_are_numbers_take_their_places_once(tmp_path: Path) -> None:
+    q = variant(
+        tmp_path,
+        "servo_lag = { T = 0.06 }\ntransport_delay = { T = 0.07 }\nvelocity_lag = { T = 0.1 }\n"
+        "tyre_slip = { C = 40, Izz = 0.08 }\nfront_rear_stiffness = { ratio = 1.5 }\n"
+        "imu_offset = { x = 0.05, z = 0.02 }\nroll_dof = { k_phi = 9, b_phi = 0.5 }\n",
+    )
+    acting = resolved(q)
+    assert (acting.servo_lag, acting.servo_delay, acting.velocity_lag) == (0.06, 0.07, 0.1)
+    assert (acting.front_cornering_stiffness, acting.rear_cornering_stiffness) == pytest.approx((48, 32))
+    assert (acting.yaw_inertia, acting.roll_stiffness, acting.roll_damping) == (0.08, 9.0, 0.5)
+    assert acting.imu_position == pytest.approx((0.05, 0.0, 0.038))
+    assert resolved(acting) == acting
+    turned = variant(tmp_path, "steering_scale = { s = 0.2 }")
+    assert resolved(resolved(turned)).rad_per_us == pytest.approx(1.2 * turned.rad_per_us)
+
+
+def test_the_owner_does_not_know_of_effects(tmp_path: Path) -> None:
+    q = variant(tmp_path, "imu_offset = { x = 0.05 }\nsteering_trim = { u0 = 0.05 }\n")
+    assert rover_file(q, "r") == rover_file(load_variant("nominal"), "r")

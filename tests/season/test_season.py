@@ -1,14 +1,30 @@
-"""Drifts in prepared days: found with quantity, date and size; none where there is none."""
+"""Drifts of vehicles over their days, found by prepared likelihoods."""
 
 from __future__ import annotations
 
+import json
+import os
 import random
 from dataclasses import replace
+from datetime import date
+from pathlib import Path
 
 import pytest
 
+from rover_sweep.logs.read import recorded_day
 from rover_sweep.season.season import season
-from rover_sweep.season.season_result import Drift, Season
+from rover_sweep.season.season_result import (
+    Drift,
+    MeasuredLog,
+    Season,
+    as_document,
+    by_vehicle,
+    days_of,
+    from_document,
+)
+from sitl.flash_log.dataflash_writer import DataFlashWriter
+from sitl.flash_log.formats import FORMATS
+from tests.season.drawn_fleet import gps_message
 from tests.season.prepared_days import ROVER, Course, day_name, vehicle_logs
 
 DAYS = 9
@@ -130,3 +146,94 @@ def test_a_refused_log_is_in_the_summary() -> None:
     found = season(logs, ROVERS)
     assert found.refused == (("logs/rover-1/2.BIN", "2.BIN is empty"),)
     assert "3 of 4 logs" in found.sentence and len(found.vehicles[0].logs) == 3
+
+
+# ---- Which logs are of one vehicle.
+
+
+def log(source: str, day: int, board: str = "", **more: str) -> MeasuredLog:
+    """A log of a day in March."""
+    return MeasuredLog(source, source, f"2026-03-{day:02d}", "GPS", board, **more)
+
+
+def test_the_board_is_the_vehicle() -> None:
+    found = by_vehicle([log("a/1.BIN", 1, "A"), log("b/2.BIN", 2, "B"), log("c/3.BIN", 3, "A")])
+    assert {name: len(own) for name, own in found.items()} == {"A": 2, "B": 1}
+
+
+def test_boards_in_turn_in_one_folder_are_vehicles() -> None:
+    logs = [log(f"all/{k}.BIN", k, "A" if k % 2 else "B") for k in range(1, 7)]
+    assert {name: len(own) for name, own in by_vehicle(logs).items()} == {"A": 3, "B": 3}
+
+
+def test_boards_one_after_the_other_in_one_folder_are_a_swap() -> None:
+    logs = [log(f"van/{k}.BIN", k, "A" if k < 4 else "B") for k in range(1, 7)]
+    assert {name: len(own) for name, own in by_vehicle(logs).items()} == {"van": 6}
+
+
+def test_the_vehicle_file_decides_before_the_board() -> None:
+    logs = [log("x/1.BIN", 1, "A", vehicle="rover-7"), log("x/2.BIN", 2, "B", vehicle="rover-7")]
+    assert list(by_vehicle(logs)) == ["rover-7"]
+
+
+def test_without_a_board_the_folder_and_the_system_are_the_vehicle() -> None:
+    logs = [log("van/1.tlog", 1, system="1"), log("van/2.tlog", 2, system="2"), log("car/3.BIN", 3)]
+    assert list(by_vehicle(logs)) == ["car", "van system 1", "van system 2"]
+
+
+def test_a_copy_of_a_log_counts_once() -> None:
+    logs = vehicle_logs("rover-1", 2, 1)
+    copy = replace(logs[0], source="logs/rover-1/again.BIN")
+    days = days_of([logs[0], copy, logs[1]])
+    assert [len(d.logs) for d in days] == [1, 1]
+
+
+def test_logs_of_one_day_add_up() -> None:
+    first, second = vehicle_logs("rover-1", 2, 1)
+    day = days_of([first, replace(second, day=first.day)])
+    assert len(day) == 1 and first.fit is not None and second.fit is not None
+    assert (day[0].linear == first.fit.linear + second.fit.linear).all()
+
+
+def test_saved_values_come_back_exactly() -> None:
+    first = vehicle_logs("rover-1", 1, 1, parameters=lambda k: {"INS_GYRO_FILTER": 0.1})[0]
+    again = from_document(json.loads(json.dumps(as_document(first))))
+    assert first.fit is not None and again.fit is not None
+    assert (again.fit.information == first.fit.information).all()
+    assert as_document(again) == as_document(first)
+
+
+# ---- The day of a log.
+
+
+def flash(path: Path) -> Path:
+    """A .BIN without a message but its formats."""
+    with path.open("wb") as file:
+        DataFlashWriter(file, FORMATS)
+    return path
+
+
+def testgps_message_time_comes_first(tmp_path: Path) -> None:
+    path = flash(tmp_path / "2020-01-01.BIN")
+    with path.open("ab") as file:
+        file.write(gps_message(10.0, date(2026, 4, 12)))
+    assert recorded_day(path) == ("2026-04-12", "GPS")
+
+
+def test_the_name_comes_next(tmp_path: Path) -> None:
+    path = flash(tmp_path / "2026-04-12 10-33-21.bin")
+    assert recorded_day(path) == ("2026-04-12", "file name")
+    assert recorded_day(path, "s3://fleet/20260413/7.BIN") == ("2026-04-13", "file name")
+    assert recorded_day(path, "s3://fleet/7.BIN") == ("", "")
+
+
+def test_a_telemetry_log_has_its_own_clock(tmp_path: Path) -> None:
+    path = tmp_path / "a.tlog"
+    path.write_bytes((1_775_000_000_000_000).to_bytes(8, "big") + b"\xfd")
+    assert recorded_day(path) == ("2026-03-31", "telemetry")
+
+
+def test_the_time_of_the_file_comes_last(tmp_path: Path) -> None:
+    path = flash(tmp_path / "00000007.BIN")
+    os.utime(path, (1_775_000_000, 1_775_000_000))
+    assert recorded_day(path) == ("2026-03-31", "file time")
