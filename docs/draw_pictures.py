@@ -31,7 +31,7 @@ TURNS = HERE.parent / "tests/data/gains/ardurover-4.6.3/acro.BIN"
 PICTURES = ("models.svg", "verification-run4.svg")
 SPEED = 2.45  # m/s, of the recorded turns
 SHOWN = 5.0  # s of them: one corner of 90 degrees
-CONCEALED = ("single", 45)  # a drawn rover of the foreign plant: tanh tyres that slide at .34 g
+CONCEALED = (45, SIZE_HERE)  # seed of a rover of the foreign plant, size of its law: tanh tyres that slide at .34 g
 COLOURS = {"default": "#B5452C", "proposed": "#1F6FA8"}
 
 
@@ -91,16 +91,21 @@ def _path(t: np.ndarray, rate: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def _tyres(axes: Axes) -> None:
     """The front tyres' curve that a diagnosis found, and the law of the concealed rover."""
     sys.path.insert(0, str(HERE.parent))  # for `tests`, which is not installed
-    from tests.foreign.draw import draw as drawn_rover
-    from tests.foreign.recorded import runs_of
-    from tests.foreign.tyres import side_force
+    from tests.foreign.laws import LISTED
+    from tests.foreign.plant import side_force
+    from tests.foreign.recorded import drives, runs_of
+    from tests.foreign.rover import SIZES, draw_rover
 
-    kind, seed = CONCEALED
-    hidden = drawn_rover(kind, seed)
-    runs, held_out = runs_of(hidden.rover, hidden.plan, seed)
+    seed, size = CONCEALED
+    rng = np.random.default_rng([1, seed])
+    plain = draw_rover(rng, SIZES[int(rng.integers(len(SIZES)))])
+    plan = drives(rng, plain)
+    (saturating,) = (law for law in LISTED if (law.effect, law.form) == ("tyre_saturation", "tanh"))
+    rover = saturating.apply(plain, size, {})
+    runs, held_out = runs_of(rover, plan, seed)
     found = rs.diagnose(runs, held_out)
     (curve,) = (c for c in found.curves if c.place == "side force front")
-    x, n = np.degrees(curve.x), hidden.rover.numbers
+    x, n = np.degrees(curve.x), rover.numbers
     load = n.m * STANDARD_GRAVITY * n.b / (n.a + n.b)
     law: Any = [side_force(a, n.Cf, n.mu * load, n.tyre_form) for a in curve.x]
     axes.fill_between(x, curve.low, curve.high, color="#F2CE8B", label="90 % interval")

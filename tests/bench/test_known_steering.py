@@ -34,16 +34,9 @@ ROOT = Path(__file__).parents[2]
 DRIVEN = ROOT / "tests" / "data" / "ardurover-4.6.3" / "nominal"
 ROVER = ROOT / "tests" / "data" / "rover.toml"
 NAMED = (
-    "steering_backlash",
-    "steering_asymmetry",
-    "steering_deadband",
-    "steering_nonlinearity",
-    "servo_lag",
-    "servo_rate_limit",
-    "suspension_friction",
-    "tyre_saturation",
-    "load_transfer",
-)
+    "steering_backlash", "steering_asymmetry", "steering_deadband", "steering_nonlinearity", "servo_lag",
+    "servo_rate_limit", "suspension_friction", "tyre_saturation", "load_transfer",
+)  # fmt: skip
 OnBlocks = Callable[..., str]
 
 

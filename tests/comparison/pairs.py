@@ -21,14 +21,9 @@ from sitl.redrive.open_loop import redrive
 
 RECORDED = Path(__file__).parents[1] / "data" / "concealed-ardurover" / "c"
 VARIED = (
-    "front_cornering_stiffness",
-    "rear_cornering_stiffness",
-    "yaw_inertia",
-    "roll_stiffness",
-    "roll_damping",
-    "servo_lag",
-    "friction",
-)
+    "front_cornering_stiffness", "rear_cornering_stiffness", "yaw_inertia", "roll_stiffness",
+    "roll_damping", "servo_lag", "friction",
+)  # fmt: skip
 
 
 def varied(rover: PlantParameters, random: np.random.Generator) -> PlantParameters:

@@ -91,7 +91,7 @@ class Engine:
 
     signals(rover, command, wanted, around, heading): undisturbed CHANNELS (steps,) at the IMU at 1 kHz.
     command (steps,) rad as the servo gets it, left positive; wanted (steps,) m/s; around (steps, 7) in the
-    columns of `tests.foreign.chassis`: surface, wind, road; heading: rad, at rest. ISO axes (x forward, y
+    columns of `tests.foreign.plant`: surface, wind, road; heading: rad, at rest. ISO axes (x forward, y
     left, z up), SI units; a_y is the specific force, +V r in a steady left turn; phi is positive where the
     left side rises, as it does in a left turn.
     """

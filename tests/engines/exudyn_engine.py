@@ -1,6 +1,6 @@
 """exudyn (multibody dynamics in C++) as an engine: velocity Verlet at 1 kHz.
 
-The steering up to the wheels is `tests.foreign.steering`; all that follows are bodies, joints and contacts.
+The steering up to the wheels is `tests.foreign.plant`; all that follows are bodies, joints and contacts.
 Drive, road and wind enter as forces of the joints before each step.
 """
 
@@ -121,7 +121,7 @@ OUTSIDE: tuple[Law, ...] = (
 
 # ---- exudyn (multibody dynamics in C++) as an engine: velocity Verlet at 1 kHz.
 #
-# The steering up to the wheels is `tests.foreign.steering`; all that follows are bodies, joints and
+# The steering up to the wheels is `tests.foreign.plant`; all that follows are bodies, joints and
 # contacts. Drive, road and wind enter as forces of the joints before each step.
 
 SLOWEST = 0.3  # of the rover's speed: below it tyres resist in proportion to the sliding speed

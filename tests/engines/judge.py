@@ -12,19 +12,9 @@ from tests.foreign.grade import Graded, grade
 
 HALVED = 0.5  # share of the held-out residual that the findings remove
 HEADS = (
-    "engine",
-    "kind",
-    "sets",
-    "exact",
-    "wrong name",
-    "both of two",
-    "alarms",
-    "place right",
-    "halved",
-    "Brier",
-    "median s",
-    "max s",
-)
+    "engine", "kind", "sets", "exact", "wrong name", "both of two", "alarms", "place right", "halved",
+    "Brier", "median s", "max s",
+)  # fmt: skip
 ALL = "all"  # in the place of the engine, where there are several
 EDGES = (0.5, 0.6, 0.75, 0.85, 0.95, 1.0)  # of the said probability
 RELIABILITY_HEADS = ("said", "findings", "mean said", "right", "none", "mean said", "right")

@@ -1,6 +1,6 @@
 """MuJoCo as an engine: the loop of a run, compiled around the library's own mj_step.
 
-The steering up to the wheels is `tests.foreign.steering`; all that follows are bodies, joints and contacts. A
+The steering up to the wheels is `tests.foreign.plant`; all that follows are bodies, joints and contacts. A
 tyre's side force goes with its slip angle, therefore the damping of its contact is divided by the speed.
 """
 
@@ -328,7 +328,7 @@ PLACES: dict[str, tuple[str, ...]] = {**FOREIGN_PLACES, "outside:limping_motor":
 
 # ---- MuJoCo as an engine: the loop of a run, compiled around the library's own mj_step.
 #
-# The steering up to the wheels is `tests.foreign.steering`; all that follows are bodies, joints and
+# The steering up to the wheels is `tests.foreign.plant`; all that follows are bodies, joints and
 # contacts. A tyre's side force goes with its slip angle, therefore the damping of its contact is divided by
 # the speed.
 

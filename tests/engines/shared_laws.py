@@ -13,20 +13,11 @@ from tests.foreign.outside_laws import OUTSIDE_LAWS
 from tests.foreign.plant import GRAVITY
 from tests.foreign.rover import Rover
 
-EVERYWHERE = (  # outside every list, and made in each engine that has no part for it
-    "outside:cubic_hysteresis",
-    "outside:resonant_linkage",
-    "outside:flexing_mast",
-    "outside:yaw_drag",
-    "outside:aliased_vibration",
-    "outside:wheel_unbalance",
-    "outside:pendulum",
-    "outside:sliding_load",
-    "outside:toe_compliance",
-    "outside:slip_speed",
-    "outside:bump_stops",
-    "outside:limping_motor",
-)
+EVERYWHERE = (
+    "outside:cubic_hysteresis", "outside:resonant_linkage", "outside:flexing_mast", "outside:yaw_drag",
+    "outside:aliased_vibration", "outside:wheel_unbalance", "outside:pendulum", "outside:sliding_load",
+    "outside:toe_compliance", "outside:slip_speed", "outside:bump_stops", "outside:limping_motor",
+)  # fmt: skip
 
 
 def vehicle_laws(*wanted: tuple[str, str]) -> tuple[Law, ...]:

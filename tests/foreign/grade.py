@@ -24,17 +24,9 @@ from rover_sweep.data.recording import Recording
 from rover_sweep.report.diagnosis.diagnosis_json import diagnosis_document
 
 KEPT = (
-    "verdict",
-    "sentence",
-    "findings",
-    "unknown",
-    "cannot_see",
-    "held_out",
-    "remarks",
-    "scores",
-    "p_none",
+    "verdict", "sentence", "findings", "unknown", "cannot_see", "held_out", "remarks", "scores", "p_none",
     "p_else",
-)
+)  # fmt: skip
 LATER = ("form", "probability")  # fields of a finding that a version of the tool may have or lack
 OUTSIDE = "outside:"
 

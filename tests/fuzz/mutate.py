@@ -10,16 +10,9 @@ from random import Random
 from fastcrc import crc16
 
 SEPARATORS = (
-    (b",", b";"),
-    (b".", b","),
-    (b"\n", b"\r"),
-    (b",", b"\t"),
-    (b"=", b":"),
-    (b'"', b""),
-    (b"\n", b"\n\n"),
-    (b" ", b"\xc2\xa0"),
-    (b"\n", b'"\n'),
-)
+    (b",", b";"), (b".", b","), (b"\n", b"\r"), (b",", b"\t"), (b"=", b":"), (b'"', b""),
+    (b"\n", b"\n\n"), (b" ", b"\xc2\xa0"), (b"\n", b'"\n'),
+)  # fmt: skip
 Mutator = Callable[[bytearray, Random], bytearray]
 
 ODD_FLOATS = (float("nan"), float("inf"), float("-inf"), 1e38, -1e38, 1e-42, -0.0, 1e10, -9e9)
@@ -28,31 +21,10 @@ NAMES = (b"IMU\0", b"FMT\0", b"PARM", b"MSG\0", b"\x1b[2J", b"XKF1")
 LABELS = (b"", b"X", b"I", b"TimeMS", b"Value", b"\x1b")
 ESC = "\x1b[2J\x1b]52;c;aGk=\x07\x9b31m\u202e[/bold][red]"
 NUMERALS = (
-    "9" * 5000,
-    "9" * 400,
-    "1e999",
-    "-1e400",
-    "nan",
-    "inf",
-    "-inf",
-    "0x",
-    "1_0",
-    "1e-400",
-    "²",
-    "٣",
-    "",
-    "true",
-    "[]",
-    "{}",
-    '"x"',
-    "1,5",
-    "-0",
-    "1e308",
-    "0." + "0" * 5000 + "1",
-    "null",
-    "1979-05-27",
+    "9" * 5000, "9" * 400, "1e999", "-1e400", "nan", "inf", "-inf", "0x", "1_0", "1e-400", "²", "٣", "",
+    "true", "[]", "{}", '"x"', "1,5", "-0", "1e308", "0." + "0" * 5000 + "1", "null", "1979-05-27",
     "99999999999999999999",
-)
+)  # fmt: skip
 
 
 def damaged(data: bytes, random: Random, mutators: Sequence[Mutator]) -> bytes:
