@@ -118,7 +118,8 @@ def diagnosed(
             runs=tuple(run.name for run in given.runs),
             held_out_runs=tuple(run.name for run in given.held_out),
         )
-    if found.model is not None and vehicle.trim_us is not None and vehicle.rad_per_us is not None:
+    commanded = not any(run["delta"].source.startswith("CSRV") for run in given.runs)
+    if found.model is not None and commanded and None not in (vehicle.trim_us, vehicle.rad_per_us):
         found = replace(found, model=replace(found.model, steering=vehicle.steering()))
     remarks = [NOTHING_HELD_OUT] if not given.held_out and found.verdict != "refused" else []
     remarks += [*filter(None, (simpler, misplaced)), *left_out]

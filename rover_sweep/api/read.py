@@ -282,12 +282,14 @@ class Reading:
     """How to read the recordings. columns: the map of a .csv (dict or path of a TOML file).
 
     filters: {"gyro_hz", "accel_hz"} [Hz] that replace the recorded low-passes of the sensors.
-    system: MAVLink id of the vehicle in a .tlog that holds several.
+    system: MAVLink id of the vehicle in a .tlog that holds several. servo: whether the measured position of
+    the servo is the steering, and not its command.
     """
 
     columns: Mapping[str, Any] | str | None = None
     filters: Mapping[str, float] | None = None
     system: int | None = None
+    servo: bool = False
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -387,6 +389,7 @@ def read(
     gyro_hz: float | None = None,
     accel_hz: float | None = None,
     system: int | None = None,
+    servo: bool = False,
     without: Location | Sequence[Location] = (),
 ) -> Runs:
     """All runs of .BIN, .tlog or .csv files, of pairs "log.BIN+log.tlog", or of the folder of a session.
@@ -396,8 +399,9 @@ def read(
     vehicle: a vehicle file (rover.toml) or a `Vehicle`, needed to convert the PWM to a road-wheel angle; for
     the folder of a session, default its own file. columns: the column map of a .csv. gyro_hz, accel_hz:
     low-passes of the sensors [Hz, 0 = off] that replace the recorded ones. system: MAVLink id of the vehicle
-    in a .tlog that holds several. UsageError for files that cannot be opened, DataRefused for files that
-    cannot be used.
+    in a .tlog that holds several. servo: whether the measured position of the servo (CSRV) is the steering,
+    so that the model is of the rover without its servo. UsageError for files that cannot be opened,
+    DataRefused for files that cannot be used.
 
     >>> runs = rs.read("run1.BIN", "run4.BIN", vehicle="rover.toml")
     >>> runs
@@ -427,7 +431,7 @@ def read(
     kept = sources_without([str(source) for source in sources], apart)
     runs = load_runs(kept, column_map, filters or None, apart, system)
     if rover is not None:
-        runs = tuple(with_delta(run, rover) for run in runs)
+        runs = tuple(with_delta(run, rover, servo) for run in runs)
     return Runs(runs, rover, Path(vehicle) if isinstance(vehicle, str | PathLike) else None)
 
 
@@ -436,7 +440,7 @@ def load_steered(
 ) -> tuple[Recording, ...]:
     """All runs of the sources with `delta` [rad]; other_sources: as in `load_runs`."""
     runs = load_runs(sources, reading.columns, reading.filters, other_sources, reading.system)
-    return tuple(with_delta(run, vehicle) for run in runs)
+    return tuple(with_delta(run, vehicle, reading.servo) for run in runs)
 
 
 def load_runs(
@@ -473,9 +477,19 @@ def load_runs(
     return with_rovers(found)
 
 
-def with_delta(run: Recording, vehicle: Vehicle) -> Recording:
-    """The run with `delta` [rad], from pwm and the steering of the vehicle; DataRefused without steering."""
+def with_delta(run: Recording, vehicle: Vehicle, servo: bool = False) -> Recording:
+    """The run with `delta` [rad], from pwm and the steering of the vehicle; DataRefused without steering.
+
+    servo: from the measured position of the servo, so that the model is of the rover without its servo; the
+    linkage that `bench` measured acts before it, and is left out.
+    """
     stop = vehicle.max_steering_angle
+    if servo:
+        if "servo" not in run:
+            raise DataRefused(
+                f"{run.name} holds no servo telemetry (CSRV) that follows the steering: omit --servo"
+            )
+        run = steered(run, *vehicle.steering(), "servo")
     if "delta" not in run:
         if "pwm" not in run:
             raise DataRefused(f"{run.name}: no steering was recorded; log RCOU, SWEP or SERVO_OUTPUT_RAW")

@@ -157,6 +157,7 @@ class Recording(Shown):
       ay     lateral specific force at the IMU [m/s^2], not transferred to the CG, gravity included
       vy     lateral velocity at the IMU [m/s]; speed: forward velocity [m/s]
       throttle  throttle output [us], a staircase
+      servo  measured position of the steering servo, in us of its output (CSRV)
     span: (start, end) s of the manoeuvre, from before fade-in to after fade-out; spectra use it.
     standstill, straight: intervals (start, end) s for biases and the noise floor.
     filters: known sensor low-pass per channel name (r, p: INS_GYRO_FILTER; ay: INS_ACCEL_FILTER).
@@ -265,13 +266,13 @@ def grouped_warnings(runs: Iterable[Recording]) -> tuple[str, ...]:
     )
 
 
-def steered(recording: Recording, trim_us: float, rad_per_us: float) -> Recording:
-    """The recording with `delta` [rad, left positive] computed from `pwm`.
+def steered(recording: Recording, trim_us: float, rad_per_us: float, source: str = "pwm") -> Recording:
+    """The recording with `delta` [rad, left positive] computed from `pwm`, or from `servo`.
 
     In ArduPilot a larger PWM normally turns right, so delta = -(pwm - trim_us) * rad_per_us with a positive
     rad_per_us [rad/us]; it is negative for a linkage that turns left on a larger PWM.
     """
-    pwm = recording["pwm"]
+    pwm = recording[source]
     delta = replace(pwm, x=-(pwm.x - trim_us) * rad_per_us, unit="rad")
     return replace(recording, channels={**recording.channels, "delta": delta})
 

@@ -200,15 +200,19 @@ def from_identification(document: Mapping[str, Any], wanted: str | None = None) 
         (),
         play_remark(steering),
         tuple(model["verdict"]["sentences"]),
-        _doubts(model, geometry, parameters),
+        _doubts(model, geometry, parameters, run),
     )
 
 
-def _doubts(model: Mapping[str, Any], geometry: Geometry, parameters: Mapping[str, Any]) -> tuple[str, ...]:
+def _doubts(
+    model: Mapping[str, Any], geometry: Geometry, parameters: Mapping[str, Any], run: Mapping[str, Any]
+) -> tuple[str, ...]:
     """Why a model of an identification.json may set no gains."""
+    measured = run["channels"].get("delta", {}).get("source", "").startswith("CSRV")
+    servo = ("the model begins at the measured servo, without its lag: identify without --servo",) * measured
     tested = [(str(v["run"]), float(v["j_rms"]), float(v["tic"])) for v in model["verification_runs"]]
     free = {n: float(p["value"]) for n, p in parameters.items() if p["free"] and p["value"] is not None}
-    return (*not_predicted(tested), *absurd(geometry, free))
+    return (*not_predicted(tested), *absurd(geometry, free), *servo)
 
 
 def from_diagnosis(found: Diagnosis) -> Identified:

@@ -48,6 +48,7 @@ UNITS = {
     "phi": "rad",
     "psi": "rad",
     "throttle": "us",
+    "servo": "us",
 }
 OPTIONS = {"time", "trial", "runs", "leave_out", "axes", "sampling", "filters"}
 # Unit of a channel -> the units that it may be given in, and their factors
@@ -222,6 +223,7 @@ POSSIBLE: Mapping[str, tuple[float, float]] = {
     "phi": (-2 * np.pi, 2 * np.pi),
     "psi": (-np.inf, np.inf),
     "throttle": (500.0, 2500.0),
+    "servo": (500.0, 2500.0),
     "pwm": (500.0, 2500.0),
     "delta": (-np.pi / 2, np.pi / 2),
 }

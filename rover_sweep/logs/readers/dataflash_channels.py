@@ -33,6 +33,7 @@ from rover_sweep.logs.log import (
     vehicle_of,
 )
 from rover_sweep.logs.readers.dataflash import DataFlash, open_parts
+from rover_sweep.logs.readers.servo_telemetry import servo_position
 from rover_sweep.logs.readers.vehicle_clock import applet_output, applet_rows, main_loops
 
 Rows = NDArray[np.void]
@@ -75,10 +76,14 @@ def _log(name: str, flash: DataFlash, filters: Mapping[str, float] | None, sourc
     if swept is not None:
         signals["throttle"] = joined_steering(swept, throttle)
     fine = applet_output(flash, "SWEP")
+    steering = tuple(s for s in (fine and joined_steering(fine, coarse), coarse) if s is not None)
+    if steering and (measured := servo_position(flash, channel, steering[0])) is not None:
+        signals["servo"], note = measured
+        notes = (*notes, note)
     return Log(
         name=name,
         signals=signals,
-        steering=tuple(s for s in (fine and joined_steering(fine, coarse), coarse) if s is not None),
+        steering=steering,
         applet=applet_rows(flash, "SWEP"),
         throttle_applet=applet_rows(flash, "SWET"),
         loops=_loops(flash, parameters),

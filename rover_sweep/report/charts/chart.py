@@ -119,6 +119,7 @@ CHANNEL_WORDS = {
     "phi": "roll angle, deg",
     "psi": "heading, deg",
     "throttle": "throttle output, µs",
+    "servo": "servo position, µs",
 }
 DEGREES = ("delta", "r", "p", "phi", "psi")  # channels that are shown in degrees
 
