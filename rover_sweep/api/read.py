@@ -214,25 +214,19 @@ class TrialSource:
         """The runs of this trial; UsageError with the labels of the file where there is none."""
         if not self.label:
             return list(runs)
-        found = [run for run in runs if _is_of(self.label, self._rest(run))]
-        found = found or [run for run in runs if _is_of(f"run {self.label}", self._rest(run))]
-        if not found:
-            have = ", ".join(dict.fromkeys(rest for run in runs if (rest := self._rest(run))))
-            many = f"its trials with a run are {have}" if have else "it has only one run; give it as a whole"
-            raise UsageError(f"{Path(self.source).name} has no trial {self.label!r}: {many}")
-        return found
+        rests = {id(run): run.name.removeprefix(Path(self.source).stem).strip() for run in runs}
+        for label in (self.label, f"run {self.label}"):
+            if found := [run for run in runs if _is_of(label, rests[id(run)])]:
+                return found
+        have = ", ".join(dict.fromkeys(filter(None, rests.values())))
+        many = f"its trials with a run are {have}" if have else "it has only one run; give it as a whole"
+        raise UsageError(f"{Path(self.source).name} has no trial {self.label!r}: {many}")
 
     def without(self, others: Sequence[TrialSource], runs: Sequence[Recording]) -> list[Recording]:
         """The runs without the trials of this file that are named among other sources."""
         same = [o for o in others if o.label and Path(o.source).resolve() == Path(self.source).resolve()]
-        if self.label or not same:
-            return list(runs)
-        taken = {id(run) for other in same for run in other.chosen(runs)}
+        taken = {id(run) for other in same for run in other.chosen(runs)} if not self.label else set()
         return [run for run in runs if id(run) not in taken]
-
-    def _rest(self, run: Recording) -> str:
-        """A run's name after that of its file."""
-        return run.name.removeprefix(Path(self.source).stem).strip()
 
 
 def trial_source(given: str) -> TrialSource:

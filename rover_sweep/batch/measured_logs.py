@@ -11,7 +11,7 @@ import tomllib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor, Future, ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, TypeVar
@@ -413,15 +413,10 @@ def _saved(path: Path, source: str, files: VehicleFiles) -> MeasuredLog | None:
         log = from_document(document)
         name = log.vehicle_file
         if log.day or log.parameters:  # it was read, so the choice of its file can be repeated
-            name = _file_name(files, source, log.board)
+            name = ""
+            with suppress(DataRefused):
+                name = files.of(source, log.board)[0]
         same = name == log.vehicle_file and document["made_by"] == made_by(name, files)
         return log if same else None
     except (OSError, ValueError, KeyError, TypeError):
         return None
-
-
-def _file_name(files: VehicleFiles, source: str, board: str) -> str:
-    try:
-        return files.of(source, board)[0]
-    except DataRefused:
-        return ""

@@ -7,7 +7,7 @@ import json
 import tempfile
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -62,9 +62,12 @@ def diagnosed_days(
     sets = {(v.name, day): sources for v in season.vehicles for day, sources in v.logs.items()}
     folders = {key: out / "diagnoses" / names[key[0]] / key[1] for key in sets}
     keys = {key: _key([known[s] for s in sources], files) for key, sources in sets.items()}
-    found = {
-        key: said for key in sets if (said := _said_before(folders[key] / "done.json", keys[key])) is not None
-    }
+    found: Sentences = {}
+    for key in sets:
+        with suppress(OSError, ValueError, KeyError, TypeError):
+            done: Mapping[str, Any] = read_json((folders[key] / "done.json").read_text(encoding="utf-8"))
+            if done["made_by"] == keys[key]:
+                found[key] = str(done["sentence"])
     rest = {
         key: (sources, known[sources[0]].vehicle_file, files.texts[known[sources[0]].vehicle_file])
         for key, sources in sets.items()
@@ -77,8 +80,8 @@ def diagnosed_days(
         for name, text in result["files"].items():
             write_file(folders[key] / name, text)
         found[key] = result["sentence"]
-        done = {"made_by": keys[key], "sentence": found[key]}
-        write_file(folders[key] / "done.json", json.dumps(done) + "\n")
+        kept = {"made_by": keys[key], "sentence": found[key]}
+        write_file(folders[key] / "done.json", json.dumps(kept) + "\n")
     return {key: found[key] for key in sets}
 
 
@@ -103,14 +106,6 @@ def _key(logs: Sequence[MeasuredLog], files: VehicleFiles) -> str:
     """What a diagnosis depends on: the logs, the vehicle file, the version."""
     parts = [__version__, files.digest(logs[0].vehicle_file), *(log.sha256 for log in logs)]
     return hashlib.sha256("\0".join(parts).encode()).hexdigest()
-
-
-def _said_before(path: Path, key: str) -> str | None:
-    try:
-        done: Mapping[str, Any] = read_json(path.read_text(encoding="utf-8"))
-        return str(done["sentence"]) if done["made_by"] == key else None
-    except (OSError, ValueError, KeyError, TypeError):
-        return None
 
 
 # The pages of the vehicles, drawn by the same workers: a picture takes a second.

@@ -66,7 +66,8 @@ def design(
     \b
     rover-sweep design --wmin .3 --wmax 25 --trec 55 --amplitude 150 --speed 2.5 --vehicle rover.toml
     """
-    from rover_sweep.cli.views.design_summary import show_design
+    from rover_sweep.cli.views.design_summary import draw_design, show_design
+    from rover_sweep.cli.views.display import fact
     from rover_sweep.data.vehicle_file import load
     from rover_sweep.design.advice import refuse_nonsense, with_advice
     from rover_sweep.design.demand import make_design
@@ -76,20 +77,22 @@ def design(
     rover = load(vehicle) if vehicle else None
     if speed and rover:
         rover.steering()  # raises here if the file has no steering gain, before any computation
-    _refuse_of_others(type)
+    ctx = click.get_current_context()
+    for other, names_of in ONLY_FOR.items():
+        for name in set(names_of) - set(ONLY_FOR[type]):
+            if ctx.get_parameter_source(name) is ParameterSource.COMMANDLINE:
+                raise click.UsageError(f"--{name} belongs to --type {other}, not to a {type}", ctx)
     ends: dict[str, Any] = {"fade": fade, "dwell": dwell, "straight": straight}
     manoeuvre: Manoeuvre
     if type == "doublet":
         manoeuvre = Doublet(amplitude, pulse, pause, count, straight)
     elif wmin >= wmax:
-        raise click.UsageError(
-            f"--wmin {wmin:g} must lie below --wmax {wmax:g} rad/s", click.get_current_context()
-        )
+        raise click.UsageError(f"--wmin {wmin:g} must lie below --wmax {wmax:g} rad/s", ctx)
     elif type == "multisine":
         try:
             manoeuvre = Multisine(amplitude, wmin, wmax, trec, periods, **ends)
         except ValueError as error:
-            raise click.UsageError(str(error), click.get_current_context()) from error
+            raise click.UsageError(str(error), ctx) from error
     elif type == "bias-sweep":
         manoeuvre = BiasSweep(amplitude, wmin, wmax, trec, **ends, bias=bias)
     else:
@@ -99,32 +102,13 @@ def design(
     refuse_nonsense(planned)
     planned = with_advice(planned, servo)
     if plot:
-        from rover_sweep.cli.views.design_summary import draw_design
-
         draw_design(planned, rover, Path(plot))
         echo(f"picture written to {plot}", err=True)
     if as_json:
         echo_json(json.dumps(asdict(planned), indent=2))  # units as in the docstrings of Design
     else:
         show_design(planned, rover)
-        _say_assumed()
-
-
-def _say_assumed() -> None:
-    """Name the settings of the rover that were not given."""
-    from rover_sweep.cli.views.display import fact
-
-    ctx = click.get_current_context()
-    assumed = [n for n in _SETTINGS if ctx.get_parameter_source(n) is ParameterSource.DEFAULT]
-    if assumed:
-        names, flags = (", ".join(_SETTINGS[n][k] for n in assumed) for k in (0, 1))
-        echo("\n" + fact("assumed", f"ArduRover's defaults for {names}; give yours with {flags}"))
-
-
-def _refuse_of_others(kind: str) -> None:
-    """UsageError for an option of another kind of manoeuvre."""
-    ctx = click.get_current_context()
-    for other, names in ONLY_FOR.items():
-        for name in set(names) - set(ONLY_FOR[kind]):
-            if ctx.get_parameter_source(name) is ParameterSource.COMMANDLINE:
-                raise click.UsageError(f"--{name} belongs to --type {other}, not to a {kind}", ctx)
+        assumed = [n for n in _SETTINGS if ctx.get_parameter_source(n) is ParameterSource.DEFAULT]
+        if assumed:
+            names, flags = (", ".join(_SETTINGS[n][k] for n in assumed) for k in (0, 1))
+            echo("\n" + fact("assumed", f"ArduRover's defaults for {names}; give yours with {flags}"))

@@ -212,15 +212,26 @@ def correct(call: TwinCall = TWIN) -> None:
     from rover_sweep.cli.driving.shown_results import made_now
     from rover_sweep.cli.views.asking import Interruption
     from rover_sweep.data.vehicle_file import load
+    from rover_sweep.redrive.recorded_course import refuse_instant, simulated_rover
     from rover_sweep.report.comparison.report import twin_report, write_twin
     from rover_sweep.report.on_terminal import WIDTH, on_terminal
+    from rover_sweep.twin.loop import with_measured
 
+    measured: tuple[Correction, ...]
     out = Path(call.out)
     check_writable(out)
     path = Path(vehicle_path(call.vehicle, call.runs))
     console, shown = narration(), results(call.as_json)
     vehicle = load(path)
-    rover, measured = _begin(call, vehicle, path)
+    variant, simulator = call.simulation.variant, call.simulation.simulator or "plant"
+    rover, measured = simulated_rover(variant, None), ()
+    if simulator != "plant":
+        refuse_instant(rover, simulator)
+    if not variant.endswith(".toml"):  # a named one gets the measured numbers of the vehicle file
+        try:
+            rover, measured = with_measured(rover, vehicle)
+        except ValueError as error:  # numbers that are valid one by one but not together
+            raise UsageError(f"{path}: {error}") from error
     runs = load_steered(call.runs, vehicle, call.reading, call.hold_out)
     held = load_steered(call.hold_out, vehicle, call.reading, call.runs) if call.hold_out else ()
     given = material(runs, held)
@@ -237,23 +248,6 @@ def correct(call: TwinCall = TWIN) -> None:
         echo_json((out / "twin.json").read_text(encoding="utf-8"))
     if asked.to_stop():
         raise click.Abort
-
-
-def _begin(call: TwinCall, vehicle: Vehicle, path: Path) -> tuple[PlantParameters, tuple[Correction, ...]]:
-    """The rover to begin with; one of a name gets the measured numbers of the vehicle file."""
-    from rover_sweep.redrive.recorded_course import refuse_instant, simulated_rover
-    from rover_sweep.twin.loop import with_measured
-
-    variant, simulator = call.simulation.variant, call.simulation.simulator or "plant"
-    rover = simulated_rover(variant, None)
-    if simulator != "plant":
-        refuse_instant(rover, simulator)
-    if variant.endswith(".toml"):
-        return rover, ()
-    try:
-        return with_measured(rover, vehicle)
-    except ValueError as error:  # numbers that are valid one by one but not together
-        raise UsageError(f"{path}: {error}") from error
 
 
 def _twin(

@@ -110,6 +110,8 @@ def identify(
     from rover_sweep.data.vehicle_file import load as load_vehicle
     from rover_sweep.identification.grouping import Settings
 
+    if (wmin is None) != (wmax is None) or (wmin is not None and wmax is not None and wmin >= wmax):
+        raise UsageError(f"give both --wmin and --wmax with wmin < wmax, got {wmin} and {wmax} rad/s")
     own = load_structures(structure)
     check_report_folder(Path(out), ("identification.json", "speed.json"), REPLACED)
     speed, runs = _of_throttle(runs, Path(out), as_json)
@@ -124,7 +126,7 @@ def identify(
         models,
         fit,
         not untied,
-        _swept(wmin, wmax),
+        (wmin, wmax) if wmin is not None and wmax is not None else None,
         dict(band),
         windows,
         reduction=not no_reduction,
@@ -165,11 +167,3 @@ def _of_throttle(
             if not throttle_sweeps((run,)) or load_runs((run,), None, None):
                 steered.append(run)
     return show_speed(swept, out, as_json, alone=not steered), tuple(steered)
-
-
-def _swept(wmin: float | None, wmax: float | None) -> tuple[float, float] | None:
-    if wmin is None and wmax is None:
-        return None
-    if wmin is None or wmax is None or not wmin < wmax:
-        raise UsageError(f"give both --wmin and --wmax with wmin < wmax, got {wmin} and {wmax} rad/s")
-    return wmin, wmax

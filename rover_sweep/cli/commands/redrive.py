@@ -18,9 +18,6 @@ from rover_sweep.cli.options import FILE, POSITIVE, NumberRange, argument, optio
 from rover_sweep.errors import UsageError
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from rover_sweep.data.recording import Recording
     from rover_sweep.live.played_source import PlayedSource
     from rover_sweep.live.source import Update
 
@@ -43,7 +40,9 @@ def redrive(
     `rover-sweep diagnose LOG --simulation OUT` to find where field and simulation differ. The plant
     takes about one second per drive; the firmware runs in real time.
     """
-    from rover_sweep.cli.views.output import narration
+    import numpy as np
+
+    from rover_sweep.cli.views.output import narration, results
     from rover_sweep.logs.read import read_logs, read_runs
     from rover_sweep.logs.readers.csv_table import screened
     from rover_sweep.redrive.recorded_course import (
@@ -54,7 +53,13 @@ def redrive(
         simulated_rover,
     )
 
-    target, simulator = _target(out, log), simulation.simulator or "plant"
+    target, simulator = Path(out), simulation.simulator or "plant"
+    if target.suffix.lower() != ".bin":
+        raise UsageError(f"--out {out}: the recording is a DataFlash log; give a name that ends in .BIN")
+    if target.exists():
+        raise UsageError(f"--out {out} already exists; give another name")
+    if not target.parent.is_dir():
+        raise UsageError(f"--out {out}: there is no folder {target.parent}")
     parameters = simulated_rover(simulation.variant, vehicle)
     if simulator != "plant":
         refuse_instant(parameters, simulator)
@@ -77,7 +82,17 @@ def redrive(
 
             for line in drive_course(course, parameters, made, simulator, simulation.binary, simulation.seed):
                 console.print(line, soft_wrap=True)
-    _show_speeds(runs, target)
+    shown, simulated = results(), read_runs(str(target))  # the new one is read back from the file
+    for run, again in zip(runs, simulated, strict=False):
+        speed = run.manoeuvre("speed")
+        off = again["speed"].on(speed.t) - speed.x
+        shown.print(
+            f"{run.name}: {run.span[1] - run.span[0]:.1f} s at {run.mean_speed:.2f} m/s; "
+            f"simulated minus recorded speed: mean {np.mean(off):+.3f} m/s, "
+            f"rms {np.sqrt(np.mean(off**2)):.3f} m/s",
+            soft_wrap=True,
+        )
+    shown.print(f"{target}: {len(simulated)} run{'s' if len(simulated) != 1 else ''}", soft_wrap=True)
 
 
 @contextmanager
@@ -95,38 +110,6 @@ def _complete_file(target: Path) -> Iterator[Path]:
         where = f"{target} cannot be written: {error.strerror} in {tempfile.gettempdir()}"
         raise UsageError(f"{where}; free space there, or set TMPDIR to another folder") from error
     write_file(target, data)
-
-
-def _target(out: str, log: str) -> Path:
-    path = Path(out)
-    if path.suffix.lower() != ".bin":
-        raise UsageError(f"--out {out}: the recording is a DataFlash log; give a name that ends in .BIN")
-    if path.exists():
-        raise UsageError(f"--out {out} already exists; give another name")
-    if not path.parent.is_dir():
-        raise UsageError(f"--out {out}: there is no folder {path.parent}")
-    return path
-
-
-def _show_speeds(runs: Sequence[Recording], target: Path) -> None:
-    """Print the difference of the two recordings' speeds; the new one is read back from the file."""
-    import numpy as np
-
-    from rover_sweep.cli.views.output import results
-    from rover_sweep.logs.read import read_runs
-
-    console = results()
-    simulated = read_runs(str(target))
-    for run, again in zip(runs, simulated, strict=False):
-        speed = run.manoeuvre("speed")
-        off = again["speed"].on(speed.t) - speed.x
-        console.print(
-            f"{run.name}: {run.span[1] - run.span[0]:.1f} s at {run.mean_speed:.2f} m/s; "
-            f"simulated minus recorded speed: mean {np.mean(off):+.3f} m/s, "
-            f"rms {np.sqrt(np.mean(off**2)):.3f} m/s",
-            soft_wrap=True,
-        )
-    console.print(f"{target}: {len(simulated)} run{'s' if len(simulated) != 1 else ''}", soft_wrap=True)
 
 
 # `rover-sweep replay`: play a recording on the screen that `session` uses for a vehicle.

@@ -66,12 +66,11 @@ def check(
 
 def _show(found: Vehicle, file: str) -> None:
     console, rows = results(), []
-    for key, rule in KEYS.items():
-        name = key.partition(".")[2]
+    numbers = [(k.partition(".")[2], rule.unit, rule.meaning) for k, rule in KEYS.items()]
+    for name, unit, meaning in numbers:
         number = getattr(found, name)
         free = " [free]" if name in found.free else ""
-        shown = "-" if number is None else str(number)
-        rows.append((name, shown, rule.unit, _source(number), rule.meaning + free))
+        rows.append((name, "-" if number is None else str(number), unit, _source(number), meaning + free))
     rows.append(("wheelbase", f"{found.wheelbase:g}", "m", "", "a + b"))
     for axis, number in zip(("forward", "right", "down"), found.imu_position or (None,) * 3, strict=True):
         rows.append((f"imu {axis}", str(number or "-"), "m", _source(number), f"IMU {axis} of the sprung CG"))
@@ -81,31 +80,22 @@ def _show(found: Vehicle, file: str) -> None:
     for model in get_args(Model):
         missing = found.missing_for(model)
         console.print(f"{model}: " + (f"also needs {', '.join(missing)}" if missing else "sufficient"))
-    for text in _remarks(found):
-        console.print(text)
+    shown = {*SIZED.values(), "imu_position"}  # with the numbers above
+    sizes = [
+        f"{k} {size:g} {MATERIAL[k].unit}".rstrip(" -")
+        for k, size in found.material.items()
+        if k not in shown
+    ]
+    if sizes:
+        console.print(f"diagnose ignores effects smaller than: {', '.join(sizes)}")
+    if found.rad_per_us is None:
+        words = "a PWM cannot be converted to a road-wheel angle (a measured angle can be used)"
+        console.print(f"no [steering]: {words}")
+    if found.imu_position is None:
+        words = "the IMU is assumed at the CG; if it is elsewhere, a_y has an error"
+        console.print(f"no [imu] position: {words}")
 
 
 def _source(number: Measured | None) -> str:
     """Where the standard deviation comes from."""
     return "" if number is None or number.sd is None else number.how or "written"
-
-
-def _remarks(found: Vehicle) -> list[str]:
-    remarks = []
-    of_numbers = {*SIZED.values(), "imu_position"}  # shown with the numbers
-    sizes = [
-        f"{k} {size:g} {MATERIAL[k].unit}".rstrip(" -")
-        for k, size in found.material.items()
-        if k not in of_numbers
-    ]
-    if sizes:
-        remarks.append(f"diagnose ignores effects smaller than: {', '.join(sizes)}")
-    if found.rad_per_us is None:
-        remarks.append(
-            "no [steering]: a PWM cannot be converted to a road-wheel angle (a measured angle can be used)"
-        )
-    if found.imu_position is None:
-        remarks.append(
-            "no [imu] position: the IMU is assumed at the CG; if it is elsewhere, a_y has an error"
-        )
-    return remarks

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from functools import partial
 from itertools import takewhile
 from pathlib import Path
@@ -36,7 +36,6 @@ from rover_sweep.vehicle.events import Event, RunStarted, SessionFinished
 from rover_sweep.vehicle.link.connection import Access
 from rover_sweep.vehicle.link.recorded_transport import RecordedLine, conversation_in
 from rover_sweep.vehicle.link.transport import parse_url
-from rover_sweep.vehicle.run.controls import RunSettings
 
 _SWITCHING = {"override": "throws the switch", "aux": "throws the switch by command"}
 
@@ -84,9 +83,14 @@ def on_rover(
     plan = rover_plan(runs, allowed, logs, kept)
     folder = resumed or _folder_for(out)
     announce(plan, folder)
+
+    def answer(display: PlainDisplay, event: Event) -> None:
+        """Ask before each run if this program arms the rover and stdin is a terminal."""
+        if isinstance(event, RunStarted) and plan.settings.arm and sys.stdin.isatty():
+            display.ask(f"{event.name} arms the rover: is the area clear? y starts the run, Ctrl-C stops")
+
     with RecordedLine(conversation_in(folder)) as line:
         events = drive(connect, folder, plan, line, rover[1], access)
-        answer = _asking(plan.settings)
         return show_session(events, folder, talk=True, go_on=True, answer=answer, logs=logs), rover
 
 
@@ -108,28 +112,15 @@ def rover_plan(
     return SessionPlan(runs, settings, checked=read(shipped("identification")), logs=logs)
 
 
-def _asking(settings: RunSettings) -> Callable[[PlainDisplay, Event], None]:
-    """Asks before each run if this program arms the rover and stdin is a terminal."""
-
-    def answer(display: PlainDisplay, event: Event) -> None:
-        if isinstance(event, RunStarted) and settings.arm and sys.stdin.isatty():
-            display.ask(f"{event.name} arms the rover: is the area clear? y starts the run, Ctrl-C stops")
-
-    return answer
-
-
 def _folder_for(out: str | None) -> Path:
     """As `session_folder` (`out`, else run, run-2, ...), but reuses a session without any run or log, as
     after a wrong port or on a rover without the applet."""
-    existing = [Path(out)] if out else list(takewhile(Path.exists, numbered(Path("run"))))
-    return next((f for f in existing if _nothing_driven(f)), None) or session_folder(out, "run")
-
-
-def _nothing_driven(folder: Path) -> bool:
-    if not (folder / DESCRIPTION).is_file() or (folder / "report").exists():
-        return False
-    content = read_folder(folder)
-    return not content.runs and not content.logs
+    for folder in [Path(out)] if out else takewhile(Path.exists, numbered(Path("run"))):
+        if (folder / DESCRIPTION).is_file() and not (folder / "report").exists():
+            content = read_folder(folder)
+            if not content.runs and not content.logs:
+                return folder
+    return session_folder(out, "run")
 
 
 def announce(plan: SessionPlan, folder: Path) -> None:

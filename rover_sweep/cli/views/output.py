@@ -59,15 +59,14 @@ def print_warnings(console: Console, runs: Sequence[Recording]) -> None:
 def print_table(
     console: Console,
     headings: tuple[str, ...],
-    rows: Iterable[Sequence[str | Cell]],
+    rows: Iterable[tuple[Cell | str, ...]],
     text_columns: int | tuple[int, ...] = 1,
 ) -> None:
     """Print a table without a title. text_columns: as of `Table`."""
-    from rover_sweep.report.document import Cell, Table
+    from rover_sweep.report.document import table_of
     from rover_sweep.report.on_terminal import rich_table
 
-    cells = tuple(tuple(c if isinstance(c, Cell) else Cell(c) for c in row) for row in rows)
-    console.print(rich_table(Table("", headings, cells, text_columns=text_columns), titled=False))
+    console.print(rich_table(table_of("", headings, rows, text_columns=text_columns), titled=False))
 
 
 def _console(stderr: bool) -> Console:
