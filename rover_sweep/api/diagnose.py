@@ -210,14 +210,6 @@ def _listed(names: Sequence[str]) -> tuple[str, ...]:
     return (names,) if isinstance(names, str) else tuple(names)
 
 
-# Compare a simulation with recordings in Python: `rs.compare`.
-#
-# import rover_sweep as rs
-# runs = rs.read("run1.BIN", "run2.BIN", "run3.BIN", vehicle="rover.toml")
-# answer = rs.compare(runs, rs.read("sim1.BIN", "sim2.BIN", "sim3.BIN", vehicle="rover.toml"))
-# answer.differences[0].sentence
-
-
 HALF = 0.5  # probability of something without a name, from which none is given
 
 

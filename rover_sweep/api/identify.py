@@ -34,9 +34,6 @@ from rover_sweep.spectra.response import Band, FrequencyResponse
 if TYPE_CHECKING:
     from rover_sweep.report.identification.report import ReportFiles
 
-# Checks the settings of an identification against the runs, before the fit.
-
-
 STEERED = ("delta", "pwm", "r", "p", "phi", "psi", "ay", "vy")
 
 
@@ -88,9 +85,6 @@ def check_settings(settings: Settings, runs: Sequence[Recording]) -> None:
             raise UsageError(
                 f"--band {name}={low:g}:{high:g} must be between {within} and span a factor of 1.5 or more"
             )
-
-
-# The numbers of an identified rover, with what its vehicle file and its parts leave open allowed for.
 
 
 CHANNELS = {"r": "r", "ay": "ay", "p": "p", "vydot": "vy"}  # {response: what is recorded of it}

@@ -39,9 +39,6 @@ from rover_sweep.files.replaced import write_file
 from rover_sweep.investigation.decide import SAME, Means, NextStep, first_run, next_step, told
 from rover_sweep.report.wording import plain, strict_json
 
-# Plans runs: turns recorded or intended runs and a vehicle file into the input of a plan.
-
-
 BIAS_SHARE = 0.3  # of the amplitude; a sweep with a larger mean is a sweep about a bias
 SLOWEST, FASTEST = 0.8, 12.0  # m/s, of proposed runs
 
@@ -300,9 +297,6 @@ def fits(run: PlannedRun, vehicle: Vehicle, ground: tuple[float, float] | None) 
         return True
     needed = space(manoeuvre_for(run), vehicle, run.speed)
     return needed.length <= ground[0] and needed.width <= ground[1]
-
-
-# investigation.json: the steps of an investigation with their reasons, for programs.
 
 
 DOCUMENT = "investigation.json"

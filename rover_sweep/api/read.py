@@ -41,9 +41,6 @@ from rover_sweep.session.session import session_runs
 
 Location = str | PathLike[str]
 
-# Divides runs into those to fit and those to verify on, and refuses runs in both.
-
-
 LEFT_OUT = (
     "is not fitted: a sweep about a steering offset shows the rover near a steady turn, and the other "
     "runs show it near straight driving; identify it alone, or use it in diagnose"
@@ -172,9 +169,6 @@ def _two_logs(one: Recording, two: Recording) -> bool:
         return False
     grid = np.arange(begin, end, 1 / _GRID)
     return bool(np.corrcoef(one["r"].on(grid), two["r"].on(grid))[0, 1] > _SAME_DRIVE)
-
-
-# Reads a user's files of model structures, for `identify --structure`.
 
 
 def load_structures(paths: Sequence[Location | ModelStructure]) -> tuple[ModelStructure, ...]:

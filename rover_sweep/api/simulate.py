@@ -148,9 +148,6 @@ def model_of(found: Diagnosis) -> AugmentedModel:
     return found.model
 
 
-# Export of a diagnosis: the linear part of its model, or the whole model as a simulated rover.
-
-
 def diagnosis_file(place: Path) -> Path | None:
     """The diagnosis file given by a file or a folder (itself or its report/); None for anything else."""
     path = result_file(place, "diagnosis.json")

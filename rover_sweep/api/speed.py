@@ -117,9 +117,6 @@ def _mentions(path: Path) -> bool:
         return data.find(b"SWET") >= 0
 
 
-# The response of the speed to the throttle in Python: identify, inspect, draw, report.
-
-
 @dataclass(frozen=True, eq=False, repr=False)
 class SpeedIdentification(Shown, SpeedResult):
     """The result of `identify_speed`. It prints as a table.
@@ -218,9 +215,6 @@ def identify_speed(*sources: Location) -> SpeedIdentification:
     return SpeedIdentification(**{f.name: getattr(found, f.name) for f in fields(found)})
 
 
-# The folder of a speed result: speed.html for people, speed.json for programs.
-
-
 @dataclass(frozen=True)
 class SpeedFiles:
     """Paths of the written files."""
@@ -251,9 +245,6 @@ def speed_findings(result: SpeedResult, folder: Path) -> SpeedFindings:
             limits = steering_limits(steering_gains(folder, None, None, parameters, origin, None))
     proposal = proposed_speed(speed_document(result), parameters, origin)
     return SpeedFindings(result, proposal, limits, parameters, (folder / "report.html").is_file())
-
-
-# Gains of the steering and of the speed from one folder of results.
 
 
 _STEERED = ("identification.json", "diagnosis.json")

@@ -30,9 +30,6 @@ from rover_sweep.logs.read import read_logs, recorded_day, runs_of
 from rover_sweep.season.season_result import FittedLog, MeasuredLog, as_document, fitted_log, from_document
 from rover_sweep.system import end_with_parent, processors
 
-# Logs by path or URL: found in folders, identified by their contents, copied to their worker.
-
-
 KINDS = (".bin", ".tlog")
 
 
@@ -145,9 +142,6 @@ def workers(count: int | None, scheduler: str | None) -> Iterator[Executor]:
         ) from None
     with client, client.get_executor(retries=RETRIES, pure=False) as pool:
         yield pool
-
-
-# Work given to an executor, its results as they come. Scheduling and retries are the executor's own.
 
 
 Key = TypeVar("Key")
@@ -295,9 +289,6 @@ def _boards(text: str, path: Path, texts: Mapping[str, str]) -> dict[str, str]:
             if out.setdefault(board, name) != name:
                 raise UsageError(f"{path} lists the board {board} for both {out[board]} and {name}")
     return out
-
-
-# The work on one log, wherever it runs: read it, find its runs, fit them; a log never raises.
 
 
 SHORTEST = 5.0  # s of manoeuvres in a log that is fitted

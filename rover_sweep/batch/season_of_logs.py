@@ -38,9 +38,6 @@ def season_of_logs(logs: Sequence[MeasuredLog], files: VehicleFiles) -> Season:
     return season(logs, {name: geometry_of(parse(files.texts[name], name)) for name in used})
 
 
-# The whole diagnosis of each vehicle's days, on the same workers.
-
-
 FILES = ("diagnosis.html", "diagnosis.json")
 Sentences = dict[tuple[str, str], str]  # {(vehicle, day): sentence}
 
@@ -106,9 +103,6 @@ def _key(logs: Sequence[MeasuredLog], files: VehicleFiles) -> str:
     """What a diagnosis depends on: the logs, the vehicle file, the version."""
     parts = [__version__, files.digest(logs[0].vehicle_file), *(log.sha256 for log in logs)]
     return hashlib.sha256("\0".join(parts).encode()).hexdigest()
-
-
-# The pages of the vehicles, drawn by the same workers: a picture takes a second.
 
 
 def drawn_pages(season: Season, diagnoses: Mapping[tuple[str, str], str], pool: Executor) -> dict[str, str]:

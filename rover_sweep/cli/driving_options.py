@@ -29,9 +29,6 @@ if TYPE_CHECKING:
     from rover_sweep.vehicle.link.connection import Access
     from rover_sweep.vehicle.run.controls import RunSettings, Trigger
 
-# Manoeuvres and limits on the command line: 150 or 150,0.3,25,55 or 150,wmax=20; roll_max=20.
-
-
 LIMITS = ("pwm_max", "roll_max", "p_max", "r_max", "v_min", "v_max", "still", "gcs")
 
 
@@ -71,9 +68,6 @@ def _limit(text: str) -> tuple[str, float]:
 
 
 LIMIT = Parsed("NAME=VALUE", _limit)
-
-
-# What is driven, what this program may do, and the rover that is simulated.
 
 
 PILOT_PATIENCE = 900.0  # s to wait for the pilot to arm, throw the switch, or disarm at the end

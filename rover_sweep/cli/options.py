@@ -129,9 +129,6 @@ class Grouped(click.Command):
                 formatter.write_dl(records)
 
 
-# Types of options.
-
-
 OUTPUTS = ("r", "ay", "vydot", "p")
 
 
@@ -225,9 +222,6 @@ def names_type(name: str = "NAME,NAME,...", allowed: tuple[str, ...] = ()) -> Pa
 EFFECTS = names_type("ID,ID,...")
 
 
-# Options that several commands have.
-
-
 VEHICLE = option("Vehicle file (default: the session's, or rover.toml here).", FILE, flag="--vehicle")
 REPORT = option("Folder of the report; created if missing.", FOLDER, required=True)
 FULL = option(
@@ -299,9 +293,6 @@ def measured_type(low: float, high: float, unit: str, hint: str) -> Parsed:
     return Parsed("NUMBER[+-SD]", measured)
 
 
-# Text output of a command: to stdout for `-`, else into a file in an existing folder.
-
-
 READ_IN_FOLDERS = ("identification.json", "speed.json", "diagnosis.json", "session.json", "rover.toml")
 
 
@@ -330,9 +321,6 @@ def write_text(output: str, text: str, report: str = "written") -> None:
     refuse_no_folder(output)
     write_file(Path(output), text)
     echo(f"{output}: {report}", err=True)
-
-
-# Output folders: checked before the work starts, and never one that contains earlier work.
 
 
 _SESSION = ("session.json", "*.tlog", "*.BIN", "report")

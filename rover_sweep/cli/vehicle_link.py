@@ -21,8 +21,6 @@ if TYPE_CHECKING:
     from rover_sweep.vehicle.link.connection import Access, Heard
     from rover_sweep.vehicle.link.link import Link
 
-# Options that choose the vehicle at --connect; if several are heard, the user is asked.
-
 
 def _access(
     connect: str | None,

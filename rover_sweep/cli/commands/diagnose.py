@@ -146,9 +146,6 @@ def _say(words: str) -> None:
     narration().print(words, soft_wrap=True)
 
 
-# `rover-sweep twin`: correct a simulation until it agrees with recordings; `twin serve`: drive on it.
-
-
 class _Commands(click.Group):
     """`twin serve DIR` is a command of its own; every other call is `twin RUN...`."""
 

@@ -114,9 +114,6 @@ def investigate(
         raise UsageError("no rover: give --connect URL, --simulator embedded or ardurover, or recorded runs")
 
 
-# `rover-sweep plan`: which effects a set of runs can detect and separate, before or after driving.
-
-
 _NUMBER = r"[0-9]+\.?[0-9]*"
 MOST_US, MOST_SPEED = 500, 30  # us from trim and m/s: limits of the servo output and of the applet
 _RUN = re.compile(rf"({_NUMBER})(?:([+-]{_NUMBER}))?@({_NUMBER})(?:@(-?{_NUMBER}))?")

@@ -106,9 +106,6 @@ def _file_document(f: FetchedFile) -> dict[str, object]:
     return document | {"checked": f.checked, "sha256": digest}
 
 
-# `rover-sweep view`: a page that plots any channel of a log against another.
-
-
 @click.command()
 @options
 def view(

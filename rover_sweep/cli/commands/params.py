@@ -177,9 +177,6 @@ def _show(found: Sequence[Difference], file: str, as_json: bool = False) -> None
     console.print(f"{len(found)} differ", style="yellow")
 
 
-# `rover-sweep status`: the runs in a session's folder, and the runs that remain.
-
-
 _STATES: dict[str, Tone] = {"begun": "", "done": "good", "stopped": "warn", "cut": "warn"}
 
 

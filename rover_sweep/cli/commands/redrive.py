@@ -112,9 +112,6 @@ def _complete_file(target: Path) -> Iterator[Path]:
     write_file(target, data)
 
 
-# `rover-sweep replay`: play a recording on the screen that `session` uses for a vehicle.
-
-
 @click.command()
 @options
 def replay(

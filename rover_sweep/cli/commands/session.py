@@ -82,9 +82,6 @@ def session(
     show(source, setup, in_browser=in_browser)
 
 
-# `session --web`: the server, and the command of the program behind its page.
-
-
 OPEN = "warning: whoever reaches {host} can drive the rover from this page; there is no password"
 ALL = ("0.0.0.0", "::", "")
 

@@ -138,9 +138,6 @@ def announce(plan: SessionPlan, folder: Path) -> None:
     )
 
 
-# On a simulated rover, which starts with factory settings, and is armed and driven without asking.
-
-
 def _on_simulated(call: RunCall, runs: tuple[SessionRun, ...], name: str) -> tuple[SessionFinished, Rover]:
     refuse_on_simulated(call.connect, call.allowed)
     simulation = factory_rover(call.simulation, call.physics)

@@ -106,9 +106,6 @@ def show_step(decision: Decision) -> None:
     console.print(f"{TITLES[step.action]}: {step.reason}", style="bold", soft_wrap=True)
 
 
-# Drives single runs into a session's folder: each call one run, with its own yes.
-
-
 THROTTLE_TRIM = 1500  # us, at which the motor stands still
 Ask = Callable[["PlainDisplay", str], None]
 """Waits for a yes to the question; KeyboardInterrupt for a no."""
@@ -185,9 +182,6 @@ def question(name: str, run: PlannedRun, settings: RunSettings) -> str:
     words = " and ".join(does) or f"{name} is driven by you"
     holds = "" if settings.throttle_us is not None else f", hold {speed}"
     return f"{words}{holds}: is the area clear? y starts the run, Ctrl-C stops"
-
-
-# The three ways to call it: on a rover, on a simulated one, and after recorded runs.
 
 
 _V_MIN = 0.6  # m/s, of the applet on a simulated rover

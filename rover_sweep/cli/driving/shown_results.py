@@ -94,9 +94,6 @@ def show_identified(
         echo_json(files.document.read_text(encoding="utf-8"))
 
 
-# Diagnose, write the report and print the summary: for `diagnose`, and for `run --diagnose`.
-
-
 # of a simulated rover, with the diagnosed model; (its recordings, the laws that it has)
 Drive = Callable[["Diagnosis"], "tuple[tuple[Recording, ...], tuple[str, ...]]"]
 CTRL_C = "finishing with the findings so far and their report; press Ctrl-C again to quit without it"
@@ -183,9 +180,6 @@ def show_compared(
     shown.print(on_terminal(comparison_report(answer, made)), width=min(shown.width, WIDTH))
     shown.print(f"\ncomparison: {page}", soft_wrap=True)
     return page
-
-
-# Identify the response of the speed from throttle sweeps, print the answer, write the report.
 
 
 def show_speed(sweeps: Sequence[ThrottleRun], out: Path, as_json: bool, alone: bool) -> SpeedResult:

@@ -127,9 +127,6 @@ def truth(rover: PlantParameters) -> dict[str, float]:
     }
 
 
-# The simulated rover of a diagnosis or a variant file, as it is exported to other programs.
-
-
 WIDTH = 105  # of a line
 
 

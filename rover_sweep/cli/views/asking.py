@@ -26,17 +26,12 @@ from rover_sweep.system import STOP_SIGNALS, drop_typed
 if TYPE_CHECKING:
     from rover_sweep.bench.drive import Keep, Movement
 
-# Drops keys typed before a question, so that they do not answer it.
-
 
 def forget_typed() -> None:
     """Drop pending input of a terminal: a key pressed earlier must not move a vehicle. A pipe is not read."""
     with contextlib.suppress(OSError, ValueError, AttributeError):
         if sys.stdin.isatty():
             drop_typed()
-
-
-# Stopping a command from outside: Ctrl-C, `kill`, a closed terminal.
 
 
 class Interruption:
@@ -85,9 +80,6 @@ def let_go_on_signals() -> Iterator[None]:
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
-
-
-# Long work: what it does, how far it is, how long it will take; a bar on a terminal, else plain lines.
 
 
 FIRST, EVERY = 2.0, 5.0  # s to the first plain line, and between them
@@ -177,9 +169,6 @@ def chosen_of(question: str, answers: Sequence[str]) -> str:
 def reboot_consent(given: bool) -> Callable[[tuple[str, ...]], bool]:
     """A function that asks for consent to a reboot, given its reasons; given: consent without asking."""
     return lambda because: given or confirmed(f"Reboot the rover to apply {', '.join(because)}?")
-
-
-# Questions of `bench` at the terminal: before each movement, and for angles; the link stays alive.
 
 
 LARGEST = 60.0  # deg

@@ -154,9 +154,6 @@ def _facts(design: Design, vehicle: Vehicle | None) -> list[tuple[str, str]]:
     return facts
 
 
-# Figure of a design: wave, frequency, spectrum, and the track on the ground.
-
-
 def draw_design(design: Design, vehicle: Vehicle | None, path: Path) -> None:
     """Write the figure to `path`; the suffix gives the format. UsageError if it cannot be written."""
     from matplotlib.figure import Figure

@@ -215,9 +215,6 @@ def _verdict(event: e.RunFinished) -> str:
     return verdict.sentence if verdict.bands or verdict.advice != "keep" else "done"
 
 
-# Wrapped text on a terminal.
-
-
 WIDTH = 80
 
 
@@ -234,9 +231,6 @@ def fact(name: str, text: str) -> str:
 def _hanging(head: str, text: str) -> str:
     width = min(shutil.get_terminal_size((WIDTH, 24)).columns, WIDTH)
     return textwrap.fill(text, width, initial_indent=head, subsequent_indent=" " * len(head))
-
-
-# Small text plots: blocks for a spectrum, and a ruler below a plot.
 
 
 _BLOCKS = " ▁▂▃▄▅▆▇█"
