@@ -100,7 +100,6 @@ ROOMS: dict[str, set[str]] = {
         "report",
         "session",
         "sitl",
-        "spectra",
         "study",
         "tui",
         "twin",
