@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import re
 import threading
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -13,8 +14,10 @@ from serial_cable import SerialCable
 from rover_sweep.errors import LinkError
 from rover_sweep.logs.read import read_runs
 from rover_sweep.manoeuvre.sweep import Doublet, Sweep
-from rover_sweep.session.simulated_rover import DryRun, dry_run
-from rover_sweep.vehicle.events import LogSaved, Notice, RunFinished, SessionFinished, StateChanged
+from rover_sweep.session.content import SessionRun
+from rover_sweep.session.session import drive
+from rover_sweep.session.simulated_rover import SimulatedRover, simulated_plan
+from rover_sweep.vehicle.events import Event, LogSaved, Notice, RunFinished, SessionFinished, StateChanged
 from rover_sweep.vehicle.link.link import Link
 from sitl import launcher
 
@@ -22,8 +25,10 @@ READY = ("--applet", "--parameter", "SCR_ENABLE=1")
 SWEEP = Sweep(amplitude=120, w_min=2, w_max=20, t_rec=10)
 
 
-def plan(url: str) -> DryRun:
-    return DryRun(sweeps=(SWEEP,), doublet=Doublet(count=1), url=url, consent=True)
+def driven(url: str, folder: Path) -> Iterator[Event]:
+    """A sweep and a doublet, armed and driven by this program."""
+    runs = (SessionRun("sweep1", SWEEP), SessionRun("doublet", Doublet(count=1)))
+    return drive(url, folder, simulated_plan(runs, SimulatedRover()))
 
 
 def test_a_session_over_a_serial_line_that_loses_and_damages(tmp_path: Path) -> None:
@@ -32,7 +37,7 @@ def test_a_session_over_a_serial_line_that_loses_and_damages(tmp_path: Path) -> 
         SerialCable(rover.connection, drop=0.015, corrupt=0.015) as cable,
     ):
         events = []
-        for event in dry_run(plan(cable.device), tmp_path / "station"):
+        for event in driven(cable.device, tmp_path / "station"):
             events.append(event)
             if isinstance(event, RunFinished) and event.name == "doublet":
                 cable.drop = cable.corrupt = 0.001  # each gap in the log takes a while
@@ -51,7 +56,7 @@ def test_a_pulled_cable_ends_the_session_and_the_rover_stops(tmp_path: Path) -> 
         with SerialCable(rover.connection) as cable:
             again = threading.Timer(1.5, cable.plug)
             with pytest.raises(LinkError, match="ended .the serial device went away."):
-                for event in dry_run(plan(f"{cable.device},57600"), tmp_path / "station"):
+                for event in driven(f"{cable.device},57600", tmp_path / "station"):
                     if isinstance(event, StateChanged) and event.name == "manoeuvre":
                         cable.pull()
                         again.start()
