@@ -343,7 +343,16 @@ def _measured(log: MeasuredLog, path: Path, files: VehicleFiles) -> MeasuredLog:
 
 def _fitted(logs: tuple[Log, ...], text: str, name: str) -> FittedLog:
     vehicle = parse(text, name)
-    runs = tuple(with_delta(run, vehicle) for run in _runs(logs))
+    found: list[Recording] = []
+    refusals: list[DataRefused] = []
+    for whole in logs:
+        try:
+            found += runs_of(whole)
+        except DataRefused as refusal:  # a refused part does not spoil the others
+            refusals.append(refusal)
+    if not found:
+        raise refusals[0] if refusals else DataRefused(f"{logs[0].name} holds no run")
+    runs = [with_delta(run, vehicle) for run in found]
     usable = [run for run in runs if {"delta", "r", "speed"} <= set(run.channels)]
     seconds = sum(run.span[1] - run.span[0] for run in usable)
     if seconds < SHORTEST:
@@ -352,20 +361,6 @@ def _fitted(logs: tuple[Log, ...], text: str, name: str) -> FittedLog:
             f"at least {SHORTEST:g} s are needed"
         )
     return fitted_log(usable, geometry_of(vehicle))
-
-
-def _runs(logs: tuple[Log, ...]) -> tuple[Recording, ...]:
-    """The runs of all parts of a log; a refused part does not spoil the others."""
-    runs: list[Recording] = []
-    refusals: list[DataRefused] = []
-    for whole in logs:
-        try:
-            runs += runs_of(whole)
-        except DataRefused as refusal:
-            refusals.append(refusal)
-    if not runs:
-        raise refusals[0] if refusals else DataRefused(f"{logs[0].name} holds no run")
-    return tuple(runs)
 
 
 def measured_logs(

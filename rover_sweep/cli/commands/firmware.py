@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import sys
 from typing import TYPE_CHECKING
 
 import click
 
 from rover_sweep.cli.options import OUTPUT, argument, option, options, write_text
 from rover_sweep.cli.vehicle_link import LINK, LinkOptions
-from rover_sweep.cli.views.asking import confirmed, reboot_consent
+from rover_sweep.cli.views.asking import confirmed, reboot_consent, refuse_unasked
 from rover_sweep.cli.views.output import narration, print_table, results
-from rover_sweep.errors import UsageError
 
 if TYPE_CHECKING:
     from rover_sweep.vehicle.setup import Survey
@@ -75,8 +73,7 @@ def install(
     from rover_sweep.vehicle.setup import install as bring
     from rover_sweep.vehicle.setup import survey
 
-    if not yes and not sys.stdin.isatty():
-        raise UsageError("cannot ask, stdin is not a terminal; give --yes to install without questions")
+    refuse_unasked(yes, "install")
     wanted = read(shipped(name))
     with rover.link() as link:
         found = survey(link, wanted)

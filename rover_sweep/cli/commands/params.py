@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import sys
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -13,7 +12,7 @@ import click
 
 from rover_sweep.cli.options import SESSION, argument, option, options, refuse_no_folder, write_text
 from rover_sweep.cli.vehicle_link import JSON_ALONE, LINK, VIA, LinkOptions
-from rover_sweep.cli.views.asking import confirmed, reboot_consent
+from rover_sweep.cli.views.asking import confirmed, reboot_consent, refuse_unasked
 from rover_sweep.cli.views.output import echo, echo_json, narration, print_table, results
 from rover_sweep.errors import UsageError
 
@@ -76,8 +75,7 @@ def push(
     from rover_sweep.vehicle.setup import awaiting_reboot
     from rover_sweep.vehicle.setup import push as bring
 
-    if not yes and not sys.stdin.isatty():
-        raise UsageError("cannot ask, stdin is not a terminal; give --yes to set them without questions")
+    refuse_unasked(yes, "set them")
     wanted, was_set = wanted_of(file), list[ParameterSet]()
     with rover.link() as link:
         found = _differences(link, wanted, via)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import sys
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -12,7 +11,7 @@ import click
 
 from rover_sweep.cli.options import FOLDER, POSITIVE, option, options
 from rover_sweep.cli.vehicle_link import JSON_ALONE, LINK, LinkOptions
-from rover_sweep.cli.views.asking import confirmed
+from rover_sweep.cli.views.asking import confirmed, refuse_unasked
 from rover_sweep.cli.views.output import echo_json, narration, results
 from rover_sweep.errors import UsageError
 
@@ -51,8 +50,7 @@ def preflight(
     for name in fix:
         if name not in NAMES:
             raise UsageError(f"there is no check {name!r}; there are {', '.join(NAMES)}")
-    if fix and not yes and not sys.stdin.isatty():
-        raise UsageError("cannot ask, stdin is not a terminal; give --yes to fix without questions")
+    refuse_unasked(yes or not fix, "fix")
     folder = Path(out)
     with rover.link() as link:
         checks = look(link, folder, w_max)

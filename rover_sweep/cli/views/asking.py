@@ -166,6 +166,12 @@ def chosen_of(question: str, answers: Sequence[str]) -> str:
     return str(click.prompt(printable_lines(question), type=click.Choice(answers), err=True))
 
 
+def refuse_unasked(given: bool, words: str) -> None:
+    """UsageError where consent is neither given nor can be asked for."""
+    if not given and not sys.stdin.isatty():
+        raise UsageError(f"cannot ask, stdin is not a terminal; give --yes to {words} without questions")
+
+
 def reboot_consent(given: bool) -> Callable[[tuple[str, ...]], bool]:
     """A function that asks for consent to a reboot, given its reasons; given: consent without asking."""
     return lambda because: given or confirmed(f"Reboot the rover to apply {', '.join(because)}?")
