@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import replace
 
 from firmware_params.applet_parameters import PARAMETERS
@@ -17,7 +18,6 @@ from rover_sweep.design.demand import (
     SERVO_FRAMES,
     TRIM_ERROR,
     Design,
-    FilterLoss,
 )
 from rover_sweep.errors import UsageError
 from rover_sweep.manoeuvre.sweep import BiasSweep, Sweep
@@ -33,9 +33,8 @@ WEAK_YAW_RATE, GOOD_YAW_RATE = 10.0, 40.0  # deg/s; the paper's rover reached 40
 
 def with_advice(design: Design, servo_60_deg: float | None = None) -> Design:
     """The design with its notes. servo_60_deg: time of the rover's servo for 60 deg [s]."""
-    notes = [*_sweep(design), *_amplitude(design), *_servo(design, servo_60_deg), *_space(design)]
-    notes += [*_rates(design), *_filters(design)]
-    return replace(design, notes=tuple(notes))
+    notes = (*_sweep(design), *_amplitude(design), *_servo(design, servo_60_deg), *_space(design))
+    return replace(design, notes=(*notes, *_rates(design), *_filters(design)))
 
 
 def refuse_nonsense(design: Design) -> None:
@@ -54,202 +53,161 @@ def refuse_nonsense(design: Design) -> None:
         )
 
 
-def _warning(text: str) -> Note:
-    return Note("warning", text)
-
-
-def _sweep(design: Design) -> list[Note]:
+def _sweep(design: Design) -> Iterator[Note]:
     sweep, windows = design.manoeuvre, design.windows
     if not isinstance(sweep, Sweep) or windows is None:
-        return []
-    notes = []
+        return
     periods, longest = design.long_periods or 0.0, 2 * math.pi / sweep.w_min
     if periods < LEAST_PERIODS:
-        notes.append(
-            _warning(
-                f"T_rec {sweep.t_rec:g} s contains {periods:.1f} periods of {sweep.w_min:g} rad/s, "
-                f"but {LEAST_PERIODS:g} are needed, since a window is at most T_rec/2: use T_rec "
-                f"{math.ceil(LEAST_PERIODS * longest)} s or w_min "
-                f"{math.ceil(100 * LEAST_PERIODS * 2 * math.pi / sweep.t_rec) / 100:g} rad/s."
-            )
+        yield Note(
+            "warning",
+            f"T_rec {sweep.t_rec:g} s contains {periods:.1f} periods of {sweep.w_min:g} rad/s, "
+            f"but {LEAST_PERIODS:g} are needed, since a window is at most T_rec/2: use T_rec "
+            f"{math.ceil(LEAST_PERIODS * longest)} s or w_min "
+            f"{math.ceil(100 * LEAST_PERIODS * 2 * math.pi / sweep.t_rec) / 100:g} rad/s.",
         )
     elif windows.t_max < longest:
         needed = math.ceil(5 * longest / (sweep.duration - 2 * sweep.straight))
-        notes.append(
-            _warning(
-                f"with {_runs(design.runs)} of this sweep windows up to {windows.t_max:.0f} s are advised, "
-                f"too short for {sweep.w_min:g} rad/s ({longest:.0f} s): drive {needed} runs."
-            )
+        runs = "one run" if design.runs == 1 else f"{design.runs} runs"
+        yield Note(
+            "warning",
+            f"with {runs} of this sweep windows up to {windows.t_max:.0f} s are advised, "
+            f"too short for {sweep.w_min:g} rad/s ({longest:.0f} s): drive {needed} runs.",
         )
     if sweep.fade == 0:
-        notes.append(
-            _warning("without a fade the wave ends in a step, which the servo cannot follow: use 1..2 s.")
+        yield Note(
+            "warning", "without a fade the wave ends in a step, which the servo cannot follow: use 1..2 s."
         )
     if sweep.straight < 2:
-        notes.append(
-            _warning(
-                "less than 2 s straight before and after the sweep is too short to measure biases and the "
-                "noise floor: use 2 s or more."
-            )
+        yield Note(
+            "warning",
+            "less than 2 s straight before and after the sweep is too short to measure biases and the "
+            "noise floor: use 2 s or more.",
         )
-    return notes
 
 
-def _runs(runs: int) -> str:
-    return "one run" if runs == 1 else f"{runs} runs"
-
-
-def _amplitude(design: Design) -> list[Note]:
-    if design.manoeuvre.amplitude < WEAK_AMPLITUDE:
-        amplitude = design.manoeuvre.amplitude
-        return [
-            _warning(
-                f"{amplitude:g} us is small: play in the steering and the servo's dead band (2..8 us) "
-                f"affect the result; use {WEAK_AMPLITUDE:g} us or more."
-            )
-        ]
-    amplitude = design.manoeuvre.peak
-    if amplitude > LARGE_AMPLITUDE:
-        return [
-            _warning(
-                f"{amplitude:g} us is near the end stops of most steerings (500 us or less): check "
-                f"that the linkage moves freely that far, and set SWP_PWM_MAX to {amplitude:g}."
-            )
-        ]
-    if amplitude > PWM_MAX:
-        return [
-            _warning(
-                f"{amplitude:g} us is above SWP_PWM_MAX ({PWM_MAX:g} us by default): the applet refuses it "
-                "until SWP_PWM_MAX is raised."
-            )
-        ]
-    return []
-
-
-def _servo(design: Design, own: float | None) -> list[Note]:
-    horn = design.servo.horn_deg_s
-    if horn is None:
-        return []
-    limit = 60 / (own or SERVO_60_DEG[1])
-    if horn <= limit:
-        return []
-    servo = f"your servo ({own:g} s/60 deg)" if own else f"a slow servo ({SERVO_60_DEG[1]:g} s/60 deg)"
-    fits = limit / HORN_DEG_PER_US / design.w_top
-    hint = ""
-    if not own and horn > 60 / SERVO_60_DEG[0]:
-        servo, fits = (
-            f"even a fast servo ({SERVO_60_DEG[0]:g} s/60 deg)",
-            60 / SERVO_60_DEG[0] / HORN_DEG_PER_US / design.w_top,
+def _amplitude(design: Design) -> Iterator[Note]:
+    amplitude, peak = design.manoeuvre.amplitude, design.manoeuvre.peak
+    if amplitude < WEAK_AMPLITUDE:
+        yield Note(
+            "warning",
+            f"{amplitude:g} us is small: play in the steering and the servo's dead band (2..8 us) "
+            f"affect the result; use {WEAK_AMPLITUDE:g} us or more.",
         )
-        limit = 60 / SERVO_60_DEG[0]
-    elif not own:
+    elif peak > LARGE_AMPLITUDE:
+        yield Note(
+            "warning",
+            f"{peak:g} us is near the end stops of most steerings (500 us or less): check "
+            f"that the linkage moves freely that far, and set SWP_PWM_MAX to {peak:g}.",
+        )
+    elif peak > PWM_MAX:
+        yield Note(
+            "warning",
+            f"{peak:g} us is above SWP_PWM_MAX ({PWM_MAX:g} us by default): the applet refuses it "
+            "until SWP_PWM_MAX is raised.",
+        )
+
+
+def _servo(design: Design, own: float | None) -> Iterator[Note]:
+    horn, (quick, slow) = design.servo.horn_deg_s, SERVO_60_DEG
+    if horn is None or horn <= 60 / (own or slow):
+        return
+    limit, hint = 60 / (own or slow), ""
+    if own:
+        servo = f"your servo ({own:g} s/60 deg)"
+    elif horn > 60 / quick:
+        servo, limit = f"even a fast servo ({quick:g} s/60 deg)", 60 / quick
+    else:
+        servo = f"a slow servo ({slow:g} s/60 deg)"
         hint = " Give --servo with the value of the data sheet to check yours."
-    return [
-        _warning(
-            f"at {HORN_DEG_PER_US:g} deg/us the horn must turn at {horn:.0f} deg/s at the end of the "
-            f"sweep; {servo} reaches {limit:.0f} deg/s and would reduce the amplitude. {fits:.0f} us is "
-            f"possible.{hint}"
-        )
-    ]
+    yield Note(
+        "warning",
+        f"at {HORN_DEG_PER_US:g} deg/us the horn must turn at {horn:.0f} deg/s at the end of the "
+        f"sweep; {servo} reaches {limit:.0f} deg/s and would reduce the amplitude. "
+        f"{limit / HORN_DEG_PER_US / design.w_top:.0f} us is possible.{hint}",
+    )
 
 
-def _space(design: Design) -> list[Note]:
+def _space(design: Design) -> Iterator[Note]:
     space = design.space
     if space is None:
-        return []
-    notes = []
+        return
     share = space.ay / GRAVITY
     if share > FRICTION[1]:
-        notes.append(
-            _warning(
-                f"{share:.2f} g of lateral acceleration: the tyres will slide on any ground. Reduce "
-                f"the speed or the amplitude."
-            )
+        yield Note(
+            "warning",
+            f"{share:.2f} g of lateral acceleration: the tyres will slide on any ground. Reduce "
+            f"the speed or the amplitude.",
         )
     elif share > FRICTION[0]:
-        notes.append(
-            _warning(
-                f"{share:.2f} g of lateral acceleration: the tyres slide on loose or wet ground and are far "
-                f"from linear on asphalt."
-            )
+        yield Note(
+            "warning",
+            f"{share:.2f} g of lateral acceleration: the tyres slide on loose or wet ground and are far "
+            f"from linear on asphalt.",
         )
     elif share > FRICTION[0] / 2:
-        notes.append(
-            Note(
-                "info",
-                f"{share:.2f} g of lateral acceleration: good on dry asphalt; on loose ground the "
-                f"tyres leave their linear range.",
-            )
+        yield Note(
+            "info",
+            f"{share:.2f} g of lateral acceleration: good on dry asphalt; on loose ground the "
+            f"tyres leave their linear range.",
         )
     if space.yaw_rate_deg_s < WEAK_YAW_RATE:
         more = design.manoeuvre.amplitude * GOOD_YAW_RATE / space.yaw_rate_deg_s
-        notes.append(
-            _warning(
-                f"only {space.yaw_rate_deg_s:.1f} deg/s of yaw rate, near the noise of a small IMU: "
-                f"about {more:.0f} us would give {GOOD_YAW_RATE:g} deg/s."
-            )
+        yield Note(
+            "warning",
+            f"only {space.yaw_rate_deg_s:.1f} deg/s of yaw rate, near the noise of a small IMU: "
+            f"about {more:.0f} us would give {GOOD_YAW_RATE:g} deg/s.",
         )
     if isinstance(design.manoeuvre, BiasSweep):
         circle = f"the rover drives in circles because of the bias: {space.length:.0f} x {space.width:.0f} m."
-        notes.append(Note("info", circle))
+        yield Note("info", circle)
     elif space.heading_deg > 180:
-        text = (
+        yield Note(
+            "info",
             f"the slow part turns the rover by {space.heading_deg:.0f} deg, and it ends "
             f"{abs(space.heading_end_deg):.0f} deg to the "
             f"{'left' if space.heading_end_deg > 0 else 'right'} of its initial heading. A higher w_min, a "
-            "lower speed or a smaller amplitude keeps it on a lane."
+            "lower speed or a smaller amplitude keeps it on a lane.",
         )
-        notes.append(Note("info", text))
-    notes.append(
-        Note(
-            "info",
-            f"nobody steers during the run: with a trim error of {TRIM_ERROR:g} us the rover gets up to "
-            f"{space.farthest:.0f} m away from its start. Keep that circle free, and a hand on the switch.",
-        )
+    yield Note(
+        "info",
+        f"nobody steers during the run: with a trim error of {TRIM_ERROR:g} us the rover gets up to "
+        f"{space.farthest:.0f} m away from its start. Keep that circle free, and a hand on the switch.",
     )
-    return notes
 
 
-def _rates(design: Design) -> list[Note]:
-    rates, hertz, notes = design.rates, design.w_top / (2 * math.pi), []
-    remedy = (
-        f"set SCHED_LOOP_RATE {rates.loop_needed} and reboot"
-        if rates.loop_needed
-        else "no loop rate is enough"
-    )
+def _rates(design: Design) -> Iterator[Note]:
+    rates, hertz = design.rates, design.w_top / (2 * math.pi)
+    needed = rates.loop_needed
+    remedy = f"set SCHED_LOOP_RATE {needed} and reboot" if needed else "no loop rate is enough"
     if rates.stream < rates.good:
-        text = (
+        yield Note(
+            "warning" if rates.stream < rates.least else "info",
             f"at SCHED_LOOP_RATE {rates.loop:g} telemetry reaches {rates.stream:.0f} Hz, or "
             f"{rates.stream / hertz:.0f} samples in a period of {hertz:.1f} Hz; {rates.good:.0f} Hz are "
-            f"good: {remedy}. The vehicle answers DENIED to a request for a higher rate."
+            f"good: {remedy}. The vehicle answers DENIED to a request for a higher rate.",
         )
-        notes.append(Note("warning" if rates.stream < rates.least else "info", text))
     if hertz * LEAST_SAMPLES > SERVO_FRAMES:
-        notes.append(
-            _warning(
-                f"{hertz:.1f} Hz is too high for the output of the wave: servo frames at "
-                f"{SERVO_FRAMES:g} Hz, the applet at about {APPLET_RATE:g} Hz. Stay below "
-                f"{2 * math.pi * SERVO_FRAMES / LEAST_SAMPLES:.0f} rad/s."
-            )
+        yield Note(
+            "warning",
+            f"{hertz:.1f} Hz is too high for the output of the wave: servo frames at "
+            f"{SERVO_FRAMES:g} Hz, the applet at about {APPLET_RATE:g} Hz. Stay below "
+            f"{2 * math.pi * SERVO_FRAMES / LEAST_SAMPLES:.0f} rad/s.",
         )
-    return notes
 
 
-def _filters(design: Design) -> list[Note]:
+def _filters(design: Design) -> Iterator[Note]:
     strong = [effect for effect in design.filters if effect.lag_deg > 30 or effect.gain < 0.9]
-    notes = [_warning(_filter_text(effect, design.w_top)) for effect in strong]
-    if strong:
-        text = (
-            "identify corrects for a filter that it finds in the log, but an error of this correction "
-            "changes the delay, tyre stiffness and inertia: keep the correction small."
+    for effect in strong:
+        yield Note(
+            "warning",
+            f"{effect.parameter} {effect.cutoff_hz:g} Hz has a lag of {effect.lag_deg:.0f} deg "
+            f"({effect.lag_ms:.0f} ms) at {design.w_top:.0f} rad/s and a gain of {100 * effect.gain:.0f} %: "
+            f"raise it to {effect.advised_hz:g} Hz.",
         )
-        notes.append(Note("info", text))
-    return notes
-
-
-def _filter_text(effect: FilterLoss, w_top: float) -> str:
-    return (
-        f"{effect.parameter} {effect.cutoff_hz:g} Hz has a lag of {effect.lag_deg:.0f} deg "
-        f"({effect.lag_ms:.0f} ms) at {w_top:.0f} rad/s and a gain of {100 * effect.gain:.0f} %: raise it "
-        f"to {effect.advised_hz:g} Hz."
-    )
+    if strong:
+        yield Note(
+            "info",
+            "identify corrects for a filter that it finds in the log, but an error of this correction "
+            "changes the delay, tyre stiffness and inertia: keep the correction small.",
+        )

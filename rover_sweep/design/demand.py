@@ -161,7 +161,13 @@ def make_design(
     """
     sweep = manoeuvre if isinstance(manoeuvre, Sweep) else None
     banded = manoeuvre if isinstance(manoeuvre, Sweep | Multisine) else None
-    top = highest_frequency(manoeuvre)
+    # the final frequency of a sweep, the highest line of a multisine, the main lobe of a doublet
+    if isinstance(manoeuvre, Sweep):
+        top = float(manoeuvre.rate(manoeuvre.t_rec))
+    elif isinstance(manoeuvre, Multisine):
+        top = manoeuvre.base * float(manoeuvre.lines[-1])
+    else:
+        top = 2 * math.pi / manoeuvre.pulse
     return Design(
         manoeuvre=manoeuvre,
         runs=runs,
@@ -177,15 +183,6 @@ def make_design(
             filter_effect("INS_ACCEL_FILTER", accel_filter, top),
         ),
     )
-
-
-def highest_frequency(manoeuvre: Manoeuvre) -> float:
-    """Final frequency of a sweep, highest line of a multisine, main lobe of a doublet (2 pi/pulse); rad/s."""
-    if isinstance(manoeuvre, Sweep):
-        return float(manoeuvre.rate(manoeuvre.t_rec))
-    if isinstance(manoeuvre, Multisine):
-        return manoeuvre.base * float(manoeuvre.lines[-1])
-    return 2 * math.pi / manoeuvre.pulse
 
 
 def wave(manoeuvre: Manoeuvre, rate: float = 200.0) -> tuple[Array, Array]:
