@@ -167,7 +167,9 @@ class VehicleTests:
         """Steps with `SIDE` days on both sides, ramps over at least `SIDE` days, and each day alone."""
         n = self.times.size
         steps = [Shape("step", i, (np.arange(n) >= i).astype(float)) for i in range(SIDE, n - SIDE + 1)]
-        ramps = [Shape("gradual", i, _ramp(self.times, i)) for i in range(n - SIDE)]
+        t = self.times
+        courses = [np.clip((t - t[i]) / (t[-1] - t[i]), 0.0, 1.0) for i in range(n - SIDE)]
+        ramps = [Shape("gradual", i, course) for i, course in enumerate(courses)]
         days = [Shape("day", i, row) for i, row in enumerate(np.eye(n))]
         return (*steps, *ramps, *days)
 
@@ -179,10 +181,6 @@ class VehicleTests:
     def term(self, quantity: int, shape: Shape) -> Term:
         """A change as a term of the linear model."""
         return self.directions[:, quantity], shape.course
-
-
-def _ramp(times: Array, i: int) -> Array:
-    return np.asarray(np.clip((times - times[i]) / (times[-1] - times[i]), 0.0, 1.0))
 
 
 def changes_of(vehicle: VehicleTests, tests: int) -> tuple[tuple[FoundChange, ...], Explained]:
@@ -197,12 +195,9 @@ def changes_of(vehicle: VehicleTests, tests: int) -> tuple[tuple[FoundChange, ..
         found.append(new)
         terms.append(vehicle.term(new.quantity, new.shape))
         now = explained(vehicle.days, terms)
-    return tuple(_with_sizes(found, now)), now
-
-
-def _with_sizes(found: Sequence[FoundChange], last: Explained) -> list[FoundChange]:
-    sd = np.sqrt(np.diag(last.covariance))
-    return [replace(c, size=float(s), sd=float(e)) for c, s, e in zip(found, last.sizes, sd, strict=True)]
+    sd = np.sqrt(np.diag(now.covariance))
+    sizes = zip(found, now.sizes, sd, strict=True)
+    return tuple(replace(c, size=float(s), sd=float(e)) for c, s, e in sizes), now
 
 
 def _next(vehicle: VehicleTests, terms: Sequence[Term], tests: int) -> FoundChange | None:

@@ -59,69 +59,47 @@ def drifts_with_events(
     """All drifts of a vehicle by day, events first. parameters: all that changed."""
     found = [*events]
     for c in changes:
-        drift = _drift(name, days, coordinates, tests, c, last, parameters)
-        found.append(_with_cause(drift, events))
+        q, b = tests.quantities[c.quantity], tests.directions[:, c.quantity]
+        # without this change, and with it, on the last day that has all of it
+        at = int(np.flatnonzero(c.shape.course == c.shape.course.max())[-1])
+        without = last.means[at] - b * c.size
+        before, unit, meaning = _value(q, coordinates, without)
+        after, _, _ = _value(q, coordinates, without + b * c.size)
+        ends = [c.size + side * NORMAL_90 * c.sd for side in (-1.0, 1.0)]
+        if q.relative:
+            is_log = any(part.startswith("ln_") for part in q.parts[0])
+            low, high = (exp(e) for e in ends) if is_log else (1.0 + e for e in ends)
+        else:
+            low, high = sorted(_value(q, coordinates, without + b * e)[0] - before for e in ends)
+        earliest, latest = days[c.possible[0]], days[c.possible[-1]]
+        gradual = c.shape.kind == "gradual"
+        first = days[max(c.possible[0] - (0 if gradual else 1), 0)]
+        drift = Drift(
+            name,
+            c.shape.kind,
+            q.name,
+            meaning,
+            unit,
+            days[c.shape.at],
+            earliest,
+            latest,
+            before,
+            after,
+            float(low),
+            float(high),
+            q.relative,
+            c.ratio,
+            bool(abs(c.size) >= q.matters),
+            tuple(tests.quantities[k].name for k in c.look_alikes),
+            parameters=within(parameters, first, days[-1] if gradual else latest),
+        )
+        sentence = drift_sentence(drift, days[max(c.shape.at - 1, 0)], days[-1])
+        event = next((e for e in events if drift.kind == "step" and earliest <= e.day <= latest), None)
+        cause = "" if event is None else f"{event.quantity} was changed"
+        if event is not None and event.kind == "board":
+            cause = "the board was swapped"
+        found.append(replace(drift, cause=cause, sentence=f"{sentence}, when {cause}" if cause else sentence))
     return tuple(sorted(found, key=lambda d: (d.day, d.kind not in ("board", "parameter"), d.quantity)))
-
-
-def _drift(
-    name: str,
-    days: Sequence[str],
-    coordinates: Sequence[Coordinate],
-    tests: VehicleTests,
-    c: FoundChange,
-    last: Explained,
-    parameters: Sequence[ParameterChange],
-) -> Drift:
-    q, b = tests.quantities[c.quantity], tests.directions[:, c.quantity]
-    # without this change, and with it, on the last day that has all of it
-    at = int(np.flatnonzero(c.shape.course == c.shape.course.max())[-1])
-    without = last.means[at] - b * c.size
-    before, unit, meaning = _value(q, coordinates, without)
-    after, _, _ = _value(q, coordinates, without + b * c.size)
-    ends = [c.size + side * NORMAL_90 * c.sd for side in (-1.0, 1.0)]
-    if q.relative:
-        low, high = (exp(e) for e in ends) if _is_log(q) else (1.0 + e for e in ends)
-    else:
-        low, high = sorted(_value(q, coordinates, without + b * e)[0] - before for e in ends)
-    earliest, latest = days[c.possible[0]], days[c.possible[-1]]
-    gradual = c.shape.kind == "gradual"
-    first = days[max(c.possible[0] - (0 if gradual else 1), 0)]
-    end = days[-1] if gradual else latest
-    drift = Drift(
-        name,
-        c.shape.kind,
-        q.name,
-        meaning,
-        unit,
-        days[c.shape.at],
-        earliest,
-        latest,
-        before,
-        after,
-        float(low),
-        float(high),
-        q.relative,
-        c.ratio,
-        bool(abs(c.size) >= q.matters),
-        tuple(tests.quantities[k].name for k in c.look_alikes),
-        parameters=within(parameters, first, end),
-    )
-    previous = days[max(c.shape.at - 1, 0)]
-    return replace(drift, sentence=drift_sentence(drift, previous, days[-1]))
-
-
-def _with_cause(drift: Drift, events: Sequence[Drift]) -> Drift:
-    """A step at the time of an event has the event as its cause."""
-    at = [e for e in events if drift.kind == "step" and drift.earliest <= e.day <= drift.latest]
-    if not at:
-        return drift
-    cause = "the board was swapped" if at[0].kind == "board" else f"{at[0].quantity} was changed"
-    return replace(drift, cause=cause, sentence=f"{drift.sentence}, when {cause}")
-
-
-def _is_log(q: Comparable) -> bool:
-    return any(name.startswith("ln_") for name in q.parts[0])
 
 
 def _value(q: Comparable, coordinates: Sequence[Coordinate], x: Array) -> tuple[float, str, str]:
@@ -212,13 +190,11 @@ def season(logs: Sequence[MeasuredLog], rovers: Mapping[str, Geometry]) -> Seaso
     vehicles = tuple(
         _shown(name, grouped[name], days[name], known.get(name), changes.get(name)) for name in grouped
     )
-    refused = tuple(sorted((log.source, _why(log)) for log in logs if log.fit is None or not log.day))
+    no_day = "the day is not known: no GPS time in the log and no date in its name"
+    unused = (log for log in logs if log.fit is None or not log.day)
+    refused = tuple(sorted((log.source, log.refused or no_day) for log in unused))
     found = Season("", vehicles, refused, len(logs), tests)
     return replace(found, sentence=season_sentence(found))
-
-
-def _why(log: MeasuredLog) -> str:
-    return log.refused or "the day is not known: no GPS time in the log and no date in its name"
 
 
 def _vehicle(name: str, days: tuple[VehicleDay, ...], rovers: Mapping[str, Geometry]) -> _Vehicle:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections import defaultdict
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Any, Literal
@@ -313,28 +313,20 @@ def _swapped(logs: Sequence[MeasuredLog]) -> dict[tuple[str, str], str]:
 def days_of(logs: Sequence[MeasuredLog]) -> tuple[VehicleDay, ...]:
     """The days with a fit of the vehicle's usual model; logs with the same contents count once."""
     seen: set[str] = set()
-    names = _usual_names(logs)
+    every = [log.fit.names for log in logs if log.fit is not None]
+    names = max(every, key=lambda names: (every.count(names), names), default=())
     days: dict[str, list[MeasuredLog]] = defaultdict(list)
     for log in logs:
         if log.fit is not None and log.fit.names == names and log.sha256 not in seen:
             seen.add(log.sha256)
             days[log.day].append(log)
-    return tuple(_day(day, tuple(days[day])) for day in sorted(days))
-
-
-def _usual_names(logs: Sequence[MeasuredLog]) -> tuple[str, ...]:
-    every = [log.fit.names for log in logs if log.fit is not None]
-    return max(every, key=lambda names: (every.count(names), names)) if every else ()
-
-
-def _day(day: str, logs: tuple[MeasuredLog, ...]) -> VehicleDay:
-    fits = [log.fit for log in logs if log.fit is not None]
-    return VehicleDay(
-        day,
-        logs,
-        np.sum([fit.information for fit in fits], axis=0),
-        np.sum([fit.linear for fit in fits], axis=0),
-    )
+    out = []
+    for day in sorted(days):
+        fits = [log.fit for log in days[day] if log.fit is not None]
+        information = np.sum([fit.information for fit in fits], axis=0)
+        linear = np.sum([fit.linear for fit in fits], axis=0)
+        out.append(VehicleDay(day, tuple(days[day]), information, linear))
+    return tuple(out)
 
 
 # Events that the logs themselves show: parameters of the firmware that changed, and another board.
@@ -355,14 +347,13 @@ SAME = 1e-6  # relative; parameters are single precision
 
 def parameter_changes(days: Sequence[VehicleDay]) -> tuple[ParameterChange, ...]:
     """Parameters that differ from the day before, in the order of days and names."""
-    return tuple(change for one, two in pairwise(days) for change in _between(one, two))
-
-
-def _between(one: VehicleDay, two: VehicleDay) -> Iterator[ParameterChange]:
-    for name in sorted(one.parameters.keys() & two.parameters.keys()):
-        a, b = one.parameters[name], two.parameters[name]
-        if abs(a - b) > SAME * max(abs(a), abs(b)) and not _BY_ITSELF.match(name):
-            yield ParameterChange(name, one.day, two.day, a, b)
+    changes = []
+    for one, two in pairwise(days):
+        for name in sorted(one.parameters.keys() & two.parameters.keys()):
+            a, b = one.parameters[name], two.parameters[name]
+            if abs(a - b) > SAME * max(abs(a), abs(b)) and not _BY_ITSELF.match(name):
+                changes.append(ParameterChange(name, one.day, two.day, a, b))
+    return tuple(changes)
 
 
 def within(changes: Sequence[ParameterChange], first: str, last: str) -> tuple[ParameterChange, ...]:
@@ -374,47 +365,18 @@ def event_drifts(vehicle: str, days: Sequence[VehicleDay], changes: Sequence[Par
     """Each other board, and each changed parameter that acts on signals or steering."""
     out = []
     for one, two in pairwise(days):
-        at = tuple(c for c in changes if c.day_after == two.day)
+        at, day = tuple(c for c in changes if c.day_after == two.day), (two.day,) * 3
+        between = f"between {one.day} and {two.day}"
         if one.board and two.board and one.board != two.board:
-            words = (
-                f"{vehicle}: the board was swapped between {one.day} and {two.day} "
-                f"({one.board} before, {two.board} after)"
-            )
+            words = f"{vehicle}: the board was swapped {between} ({one.board} before, {two.board} after)"
+            meaning = "autopilot that wrote the log"
+            out.append(Drift(vehicle, "board", "board", meaning, "", *day, parameters=at, sentence=words))
+        for c in (c for c in at if _ACTING.match(c.name)):
+            words = f"{vehicle}: {c.name} was changed from {c.before:g} to {c.after:g} {between}"
+            meaning, values = "parameter of the firmware", (c.before, c.after)
             out.append(
                 Drift(
-                    vehicle,
-                    "board",
-                    "board",
-                    "autopilot that wrote the log",
-                    "",
-                    two.day,
-                    two.day,
-                    two.day,
-                    parameters=at,
-                    sentence=words,
+                    vehicle, "parameter", c.name, meaning, "", *day, *values, parameters=(c,), sentence=words
                 )
             )
-        out += [_of_parameter(vehicle, c) for c in at if _ACTING.match(c.name)]
     return out
-
-
-def _of_parameter(vehicle: str, c: ParameterChange) -> Drift:
-    words = (
-        f"{vehicle}: {c.name} was changed from {c.before:g} to {c.after:g} "
-        f"between {c.day_before} and {c.day_after}"
-    )
-    meaning = "parameter of the firmware"
-    return Drift(
-        vehicle,
-        "parameter",
-        c.name,
-        meaning,
-        "",
-        c.day_after,
-        c.day_after,
-        c.day_after,
-        c.before,
-        c.after,
-        parameters=(c,),
-        sentence=words,
-    )
