@@ -101,7 +101,7 @@ RANGES = (
 # Of an identified value over that of the vehicle file. In the paper models are within 25 % of the swing test.
 OVER_FILE = {"Izz": (0.6, 1.7), "Ixx": (0.6, 1.7), "h": (0.6, 1.7), "ms": (0.8, 1.25), "m": (0.8, 1.25)}
 STEERING_SCALE = (0.7, 1.4)  # true angle over that by rad_per_us
-FILE_KEYS = {
+FILE_KEYS = {  # name as in the models: key of the vehicle file
     "m": "mass",
     "a": "cg_to_front_axle",
     "b": "cg_to_rear_axle",
@@ -109,6 +109,7 @@ FILE_KEYS = {
     "h": "cg_height_above_roll_centre",
     "Ixx": "roll_inertia",
     "Izz": "yaw_inertia",
+    "Ixz": "roll_yaw_inertia",
 }
 UNITS = {"Izz": " kg m^2", "Ixx": " kg m^2", "Cf": " N/rad", "Cr": " N/rad", "C": " N/rad", "h": " m"}
 UNITS |= {"ms": " kg", "m": " kg", "k_phi": " N m/rad"}
@@ -123,15 +124,10 @@ def implausible(rover: Geometry, found: Numbers = NOTHING) -> tuple[str, ...]:
     "Izz", "Ixx" [kg m^2], "h" [m], "k_phi" [N m/rad], and "steering_scale" [-], the true road-wheel angle
     over that by rad_per_us. Other names, and values that are nan, are ignored.
     """
-    return implausible_file(rover) or _implausible_result(rover, found)
-
-
-def implausible_file(rover: Geometry) -> tuple[str, ...]:
-    """One sentence on the numbers of a vehicle file that contradict each other, or ()."""
     known = _of_file(rover)
     outside = [r for r in RANGES if _is_outside(r, known)]
     if not outside:
-        return ()
+        return _implausible_result(known, found)
     concerned = [set(r.names) for r in outside]
     suspects = set.intersection(*concerned) or set.union(*concerned)
     suspects = suspects - {"a", "b"} or suspects
@@ -142,11 +138,10 @@ def implausible_file(rover: Geometry) -> tuple[str, ...]:
     )
 
 
-def _implausible_result(rover: Geometry, found: Numbers) -> tuple[str, ...]:
+def _implausible_result(known: Numbers, found: Numbers) -> tuple[str, ...]:
     """A sentence on each identified value outside its range, or far from the vehicle file's."""
     values = {name: value for name, value in found.items() if math.isfinite(value)}
     axles = dict.fromkeys(("Cf", "Cr"), values["C"]) if "C" in values else {}
-    known = _of_file(rover)
     both = {**known, **axles, **values}
     out: dict[str, str] = {}
     for name, value in values.items():
@@ -159,17 +154,13 @@ def _implausible_result(rover: Geometry, found: Numbers) -> tuple[str, ...]:
             against.insert(0, f"{times} file (plausible: {low:g} to {high:g})")
         if against:
             out[name] = f"{name} = {value:.3g}{UNITS.get(name, '')} is implausible: {against[0]}"
-    return (*out.values(), *_implausible_scale(values.get("steering_scale", 1.0)))
-
-
-def _implausible_scale(scale: float) -> tuple[str, ...]:
     low, high = STEERING_SCALE
-    if low <= scale <= high:
-        return ()
-    return (
-        f"a steering scale of {scale:.2g} times rad_per_us is implausible (plausible: {low:g} to {high:g}); "
-        "measure the angle of a wheel on blocks (bench)",
-    )
+    if not low <= (scale := values.get("steering_scale", 1.0)) <= high:
+        out["steering_scale"] = (
+            f"a steering scale of {scale:.2g} times rad_per_us is implausible (plausible: {low:g} to "
+            f"{high:g}); measure the angle of a wheel on blocks (bench)"
+        )
+    return tuple(out.values())
 
 
 def _of_file(rover: Geometry) -> dict[str, float]:

@@ -167,19 +167,17 @@ def parse(text: str, name: str = "rover.toml") -> Vehicle:
     values = {key: number.value for key, number in numbers.items() if number is not None}
     problems += inconsistencies(values, tuple(m.value for m in imu) if imu else None)
     if problems:
-        raise UsageError(_listed(name, problems))
+        listed = "".join(f"\n  - {problem}" for problem in problems)
+        one = f"{name}: {problems[0]}"
+        raise UsageError(one if len(problems) == 1 else f"{name} has {len(problems)} problems:{listed}")
     wheelbase = values["vehicle.cg_to_front_axle"] + values["vehicle.cg_to_rear_axle"]
     fields: dict[str, Any] = {
         key.partition(".")[2]: number and number.measured_by(wheelbase) for key, number in numbers.items()
     }
     if imu:
-        imu = imu[0].measured_by(wheelbase), imu[1].measured_by(wheelbase), imu[2].measured_by(wheelbase)
+        x, y, z = (m.measured_by(wheelbase) for m in imu)
+        imu = x, y, z
     return Vehicle(name=title, imu_position=imu, free=free, material=material, **fields)
-
-
-def set_number(path: str | os.PathLike[str], key: str, number: Measured) -> Vehicle:
-    """`set_numbers` for one number."""
-    return set_numbers(path, {key: number})
 
 
 def set_numbers(path: str | os.PathLike[str], numbers: Mapping[str, Measured]) -> Vehicle:
@@ -194,28 +192,21 @@ def set_numbers(path: str | os.PathLike[str], numbers: Mapping[str, Measured]) -
     parse(old, str(path))
     document: Any = tomlkit.parse(old)
     for key, number in numbers.items():
-        _put(document, key, number)
+        if key not in KEYS:
+            raise ValueError(f"{key} is not a number of the vehicle file")
+        section, _, name = key.partition(".")
+        table = document[section] if section in document else document.setdefault(section, tomlkit.table())
+        fields = {"value": number.value} | ({} if number.sd is None else {"sd": number.sd})
+        if isinstance(table.get(name), tomlkit.items.Table):  # written as [vehicle.mass]: change it in place
+            table[name].pop("how", None)
+            table[name].update(fields)
+        else:
+            inside = ", ".join(f"{field} = {x!r}" for field, x in fields.items())
+            table[name] = tomlkit.value(f"{{ {inside} }}")
     text = tomlkit.dumps(document)
     vehicle = parse(text, str(path))
     write_file(path, text)
     return vehicle
-
-
-def _put(document: Any, key: str, number: Measured) -> None:
-    """A number into the parsed file."""
-    import tomlkit
-
-    if key not in KEYS:
-        raise ValueError(f"{key} is not a number of the vehicle file")
-    section, _, name = key.partition(".")
-    table = document[section] if section in document else document.setdefault(section, tomlkit.table())
-    fields = {"value": number.value} | ({} if number.sd is None else {"sd": number.sd})
-    if isinstance(table.get(name), tomlkit.items.Table):  # written as [vehicle.mass]: change it in place
-        table[name].pop("how", None)
-        table[name].update(fields)
-    else:
-        inside = ", ".join(f"{field} = {x!r}" for field, x in fields.items())
-        table[name] = tomlkit.value(f"{{ {inside} }}")
 
 
 def _read(path: Path) -> str:
@@ -265,8 +256,8 @@ def _position(data: dict[str, Any], problems: list[str]) -> tuple[Measured, Meas
         for i, part in enumerate(entry)
     ]
     problems += dict.fromkeys(complaint for _, complaints in read for complaint in complaints)
-    found = [Measured(*pair) for pair, _ in read if pair]
-    return (found[0], found[1], found[2]) if len(found) == 3 else None
+    x, y, z = (pair and Measured(*pair) for pair, _ in read)
+    return (x, y, z) if x and y and z else None
 
 
 def _axes(entry: Any) -> Any:
@@ -291,9 +282,3 @@ def _free(data: dict[str, Any], problems: list[str]) -> tuple[str, ...]:
         elif name not in _section(data, "vehicle"):
             problems.append(f"[fit] free contains {name}, but [vehicle] has no {name} as its starting value")
     return tuple(dict.fromkeys(name for name in names if name in FREE_KEYS))
-
-
-def _listed(name: str, problems: list[str]) -> str:
-    if len(problems) == 1:
-        return f"{name}: {problems[0]}"
-    return f"{name} has {len(problems)} problems:" + "".join(f"\n  - {problem}" for problem in problems)

@@ -7,19 +7,11 @@ from math import hypot
 from typing import Any
 
 from rover_sweep.data.geometry import Geometry, Tolerances
+from rover_sweep.data.plausibility import FILE_KEYS
 from rover_sweep.data.vehicle_file import Measured, Vehicle
 from rover_sweep.data.vehicle_rules import HOW, MATERIAL
 
-MODEL_NAMES = {
-    "roll_inertia": "Ixx",
-    "roll_yaw_inertia": "Ixz",
-    "cg_height_above_roll_centre": "h",
-    "sprung_mass": "ms",
-    "mass": "m",
-    "cg_to_front_axle": "a",
-    "cg_to_rear_axle": "b",
-    "yaw_inertia": "Izz",
-}
+MODEL_NAMES = {key: name for name, key in FILE_KEYS.items()}
 SIZED = {  # key of the vehicle file: key of [material]
     "cg_to_front_axle": "cg_position",
     "cg_to_rear_axle": "cg_position",

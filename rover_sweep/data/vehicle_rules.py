@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import difflib
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -79,54 +79,51 @@ def read_material(table: Mapping[str, Any]) -> tuple[dict[str, float], list[str]
 
 @dataclass(frozen=True)
 class Key:
-    """A number of the file. sign: +1 must be above 0, 0 any sign."""
+    """A number of the file, with one that is usual. sign: +1 must be above 0, 0 any sign."""
 
+    name: str
     unit: str
     meaning: str
-    example: str
+    usual: str
     sign: int = 1
     required: bool = False
+
+    @property
+    def example(self) -> str:
+        """A line of the file."""
+        return f"{self.name} = {self.usual}{'' if self.unit == '-' else f'  # {self.unit}'}"
 
 
 # {`how` of a number: its standard deviation over the value; of "ruler" over the wheelbase}
 HOW = {"scale": 0.01, "ruler": 0.02, "swing": 0.10, "bench": 0.03, "guess": 0.30}
 
-KEYS: dict[str, Key] = {
-    "vehicle.mass": Key("kg", "mass, ready to drive", "mass = 2.66  # kg", required=True),
-    "vehicle.cg_to_front_axle": Key(
-        "m", "CG to front axle, a", "cg_to_front_axle = 0.203  # m", required=True
-    ),
-    "vehicle.cg_to_rear_axle": Key("m", "CG to rear axle, b", "cg_to_rear_axle = 0.188  # m", required=True),
-    "vehicle.sprung_mass": Key("kg", "mass carried by the springs", "sprung_mass = 2.40  # kg"),
-    "vehicle.cg_height_above_roll_centre": Key(
-        "m", "sprung CG over roll axis", "cg_height_above_roll_centre = 0.058  # m", sign=0
-    ),
-    "vehicle.roll_inertia": Key("kg m^2", "sprung mass about own CG", "roll_inertia = 0.0125  # kg m^2"),
-    "vehicle.yaw_inertia": Key("kg m^2", "whole vehicle about CG", "yaw_inertia = 0.069  # kg m^2"),
-    "vehicle.roll_yaw_inertia": Key(
-        "kg m^2", "product of inertia Ixz", "roll_yaw_inertia = 0.0  # kg m^2", sign=0
-    ),
-    "vehicle.friction": Key("-", "peak side force over load", "friction = 0.8"),
-    "vehicle.max_steering_angle": Key(
-        "rad", "road-wheel angle at the end stops", "max_steering_angle = 0.34  # rad"
-    ),
-    "steering.trim_us": Key("us", "PWM that drives straight", "trim_us = 1500  # us", required=True),
-    "steering.rad_per_us": Key(
-        "rad/us", "road-wheel angle per us", "rad_per_us = 0.00095  # rad/us", sign=0, required=True
-    ),
-    "steering.asymmetry": Key("-", "gain 1+e left, 1-e right", "asymmetry = 0.02", sign=0),
-    "steering.nonlinearity": Key("1/rad^2", "gain 1 + c3 u^2", "nonlinearity = 0.5  # 1/rad^2", sign=0),
-    "steering.deadband": Key("rad", "half width of the dead band", "deadband = 0.002  # rad", sign=0),
-    "steering.backlash": Key("rad", "half gap at the road wheel", "backlash = 0.004  # rad", sign=0),
-    "steering.servo_lag": Key("s", "first-order lag of the servo", "servo_lag = 0.025  # s", sign=0),
-    "steering.servo_delay": Key("s", "output to first movement", "servo_delay = 0.015  # s", sign=0),
-    "steering.servo_rate_limit": Key(
-        "rad/s", "fastest rate of the road wheel", "servo_rate_limit = 6.0  # rad/s"
-    ),
-}
+OF_VEHICLE = (
+    Key("mass", "kg", "mass, ready to drive", "2.66", required=True),
+    Key("cg_to_front_axle", "m", "CG to front axle, a", "0.203", required=True),
+    Key("cg_to_rear_axle", "m", "CG to rear axle, b", "0.188", required=True),
+    Key("sprung_mass", "kg", "mass carried by the springs", "2.40"),
+    Key("cg_height_above_roll_centre", "m", "sprung CG over roll axis", "0.058", 0),
+    Key("roll_inertia", "kg m^2", "sprung mass about own CG", "0.0125"),
+    Key("yaw_inertia", "kg m^2", "whole vehicle about CG", "0.069"),
+    Key("roll_yaw_inertia", "kg m^2", "product of inertia Ixz", "0.0", 0),
+    Key("friction", "-", "peak side force over load", "0.8"),
+    Key("max_steering_angle", "rad", "road-wheel angle at the end stops", "0.34"),
+)
+OF_STEERING = (
+    Key("trim_us", "us", "PWM that drives straight", "1500", required=True),
+    Key("rad_per_us", "rad/us", "road-wheel angle per us", "0.00095", 0, required=True),
+    Key("asymmetry", "-", "gain 1+e left, 1-e right", "0.02", 0),
+    Key("nonlinearity", "1/rad^2", "gain 1 + c3 u^2", "0.5", 0),
+    Key("deadband", "rad", "half width of the dead band", "0.002", 0),
+    Key("backlash", "rad", "half gap at the road wheel", "0.004", 0),
+    Key("servo_lag", "s", "first-order lag of the servo", "0.025", 0),
+    Key("servo_delay", "s", "output to first movement", "0.015", 0),
+    Key("servo_rate_limit", "rad/s", "fastest rate of the road wheel", "6.0"),
+)
+KEYS = {f"vehicle.{k.name}": k for k in OF_VEHICLE} | {f"steering.{k.name}": k for k in OF_STEERING}
 SECTIONS: dict[str, tuple[str, ...]] = {
-    "vehicle": ("name", *(key.partition(".")[2] for key in KEYS if key.startswith("vehicle."))),
-    "steering": tuple(key.partition(".")[2] for key in KEYS if key.startswith("steering.")),
+    "vehicle": ("name", *(key.name for key in OF_VEHICLE)),
+    "steering": tuple(key.name for key in OF_STEERING),
     "imu": ("position",),
     "fit": ("free",),
     "material": tuple(MATERIAL),
@@ -170,25 +167,24 @@ def unknown_keys(data: Mapping[str, Any]) -> list[str]:
     """A sentence for each unknown section or key, with the closest known one."""
     problems = []
     for section, content in data.items():
-        if section not in SECTIONS:
-            problems.append(_unknown_section(section, content))
-        elif not isinstance(content, dict):
-            problems.append(f"{section} must be a section, written as a line [{section}]")
-        else:
+        if section in SECTIONS and isinstance(content, dict):
             problems += [_unknown_key(section, key) for key in content if key not in SECTIONS[section]]
+        elif section in SECTIONS:
+            problems.append(f"{section} must be a section, written as a line [{section}]")
+        elif not isinstance(content, dict):
+            owner = _owner(section)
+            problems.append(
+                f"{section} is outside a section" + (f"; it belongs under [{owner}]" if owner else "")
+            )
+        else:
+            near = difflib.get_close_matches(section.lower(), SECTIONS, 1, 0.5)
+            meant = (
+                f"did you mean [{near[0]}]?"
+                if near
+                else f"the sections are {', '.join(f'[{s}]' for s in SECTIONS)}"
+            )
+            problems.append(f"there is no section [{section}]; {meant}")
     return problems
-
-
-def _unknown_section(section: str, content: Any) -> str:
-    if not isinstance(content, dict):
-        owner = _owner(section)
-        return f"{section} is outside a section" + (f"; it belongs under [{owner}]" if owner else "")
-    near = difflib.get_close_matches(section.lower(), SECTIONS, 1, 0.5)
-    return f"there is no section [{section}]" + (
-        f"; did you mean [{near[0]}]?"
-        if near
-        else f"; the sections are {', '.join(f'[{s}]' for s in SECTIONS)}"
-    )
 
 
 def _unknown_key(section: str, key: str) -> str:
@@ -264,104 +260,68 @@ def _is_number(entry: Any) -> bool:
 def inconsistencies(values: Mapping[str, float], imu: tuple[float, ...] | None) -> list[str]:
     """Sentences on numbers that contradict each other. values: {dotted key: value}; imu [m]."""
     v = {key.partition(".")[2]: value for key, value in values.items()}
-    return [*_masses(v), *_lengths(v, imu), *_inertias(v), *_friction(v), *_steering(v)]
+    return [*_of_vehicle(v, imu), *_of_steering(v)]
 
 
-def _wheelbase(v: Mapping[str, float]) -> float | None:
-    """a + b [m] if both are given and plausible, else None, so that one mistake is reported once."""
-    if "cg_to_front_axle" not in v or "cg_to_rear_axle" not in v:
-        return None
-    wheelbase = v["cg_to_front_axle"] + v["cg_to_rear_axle"]
-    return wheelbase if WHEELBASE[0] <= wheelbase <= WHEELBASE[1] else None
-
-
-def _masses(v: Mapping[str, float]) -> list[str]:
-    mass, sprung, wheelbase = v.get("mass"), v.get("sprung_mass"), _wheelbase(v)
+def _of_vehicle(v: Mapping[str, float], imu: tuple[float, ...] | None) -> Iterator[str]:
+    a, b = v.get("cg_to_front_axle"), v.get("cg_to_rear_axle")
+    whole = None if a is None or b is None else a + b
+    # None where it is implausible, so that one mistake is reported once
+    wheelbase = whole if whole is not None and WHEELBASE[0] <= whole <= WHEELBASE[1] else None
+    mass, sprung = v.get("mass"), v.get("sprung_mass")
     if mass and wheelbase and mass / wheelbase**3 > DENSEST:
-        return [
-            f"[vehicle] mass {mass:g} kg is too much for a wheelbase of {wheelbase:.3g} m; grams? give kg"
-        ]
-    if mass and sprung and sprung > mass:
-        return [
+        yield f"[vehicle] mass {mass:g} kg is too much for a wheelbase of {wheelbase:.3g} m; grams? give kg"
+    elif mass and sprung and sprung > mass:
+        yield (
             f"[vehicle] sprung_mass {sprung:g} kg is above mass {mass:g} kg; "
             "it is the part of the mass that the springs carry"
-        ]
-    return []
-
-
-def _lengths(v: Mapping[str, float], imu: tuple[float, ...] | None) -> list[str]:
-    problems = []
-    if "cg_to_front_axle" in v and "cg_to_rear_axle" in v and _wheelbase(v) is None:
-        a, b = v["cg_to_front_axle"], v["cg_to_rear_axle"]
-        unit = "centimetres or millimetres? give metres" if a + b > 1 else "lengths are in metres"
-        problems.append(
-            f"[vehicle] cg_to_front_axle {a:g} and cg_to_rear_axle {b:g} make a wheelbase of {a + b:g} m, "
+        )
+    if whole is not None and wheelbase is None:
+        unit = "centimetres or millimetres? give metres" if whole > 1 else "lengths are in metres"
+        yield (
+            f"[vehicle] cg_to_front_axle {a:g} and cg_to_rear_axle {b:g} make a wheelbase of {whole:g} m, "
             f"outside {WHEELBASE[0]:g}..{WHEELBASE[1]:g} m; {unit}"
         )
-    reach = _wheelbase(v) or WHEELBASE[1]
-    h = v.get("cg_height_above_roll_centre")
+    reach, h = wheelbase or WHEELBASE[1], v.get("cg_height_above_roll_centre")
     if h is not None and abs(h) > reach:
-        problems.append(
+        yield (
             f"[vehicle] cg_height_above_roll_centre {h:g} m is more than the vehicle is long; "
             "centimetres? give metres"
         )
     if imu and max(abs(x) for x in imu) > 2 * reach:
-        problems.append(
-            f"[imu] position {list(imu)} m is outside the vehicle; centimetres? give metres from the CG"
-        )
-    return problems
-
-
-def _inertias(v: Mapping[str, float]) -> list[str]:
-    """Checks that the radius of gyration sqrt(I/m) is below the wheelbase."""
-    problems = []
-    for key, mass_key in (("roll_inertia", "sprung_mass"), ("yaw_inertia", "mass")):
-        inertia, mass, wheelbase = v.get(key), v.get(mass_key) or v.get("mass"), _wheelbase(v)
-        if inertia and mass and wheelbase and (radius := math.sqrt(inertia / mass)) > wheelbase:
-            problems.append(
+        yield f"[imu] position {list(imu)} m is outside the vehicle; centimetres? give metres from the CG"
+    for key, of in (("roll_inertia", v.get("sprung_mass") or mass), ("yaw_inertia", mass)):
+        inertia = v.get(key)
+        if inertia and of and wheelbase and (radius := math.sqrt(inertia / of)) > wheelbase:
+            yield (
                 f"[vehicle] {key} {inertia:g} kg m^2 means a radius of gyration of {radius:.2g} m, above "
                 f"the wheelbase of {wheelbase:.3g} m; kg cm^2 or g m^2? give kg m^2"
             )
-    return problems
+    if (friction := v.get("friction", 0.0)) > LARGEST_FRICTION:
+        yield f"[vehicle] friction {friction:g} is too large for a tyre; percent? give a ratio, 0.3..1.2"
 
 
-def _friction(v: Mapping[str, float]) -> list[str]:
-    friction = v.get("friction")
-    if friction is None or friction <= LARGEST_FRICTION:
-        return []
-    return [f"[vehicle] friction {friction:g} is too large for a tyre; percent? give a ratio, 0.3..1.2"]
-
-
-def _steering(v: Mapping[str, float]) -> list[str]:
-    problems = []
+def _of_steering(v: Mapping[str, float]) -> Iterator[str]:
     trim, scale = v.get("trim_us"), v.get("rad_per_us")
     if trim is not None and not TRIM[0] <= trim <= TRIM[1]:
-        problems.append(
+        yield (
             f"[steering] trim_us is {trim:g} us, outside {TRIM[0]:g}..{TRIM[1]:g} us; "
             "it is the PWM at which the rover drives straight"
         )
     lock = None if scale is None else math.degrees(abs(scale) * 500)
     if lock is not None and lock > LARGEST_LOCK:
-        problems.append(
+        yield (
             f"[steering] rad_per_us {scale:g} turns the wheels by {lock:.0f} deg at 500 us; "
             "degrees per us? give radians per us"
         )
     elif lock is not None and lock < SMALLEST_LOCK:
-        problems.append(
+        yield (
             f"[steering] rad_per_us {scale:g} turns the wheels by only {lock:.2g} deg at 500 us; "
             "rovers have 15..45 deg, which is 0.0005..0.0016 rad/us"
         )
-    return problems + _bench(v)
-
-
-def _bench(v: Mapping[str, float]) -> list[str]:
-    problems = []
     for key, (largest, slip) in LARGEST_OF_STEERING.items():
-        if key not in v:
-            continue
-        unit = KEYS[f"steering.{key}"].unit
-        if abs(v[key]) > largest:
-            problems.append(f"[steering] {key} is {v[key]:g}, above {largest:g} {unit}; {slip}")
-        elif v[key] < 0 and key not in EITHER_SIGN:
-            problems.append(f"[steering] {key} is {v[key]:g} {unit}; it cannot be below 0")
-    return problems
+        unit, value = KEYS[f"steering.{key}"].unit, v.get(key, 0.0)
+        if abs(value) > largest:
+            yield f"[steering] {key} is {value:g}, above {largest:g} {unit}; {slip}"
+        elif value < 0 and key not in EITHER_SIGN:
+            yield f"[steering] {key} is {value:g} {unit}; it cannot be below 0"

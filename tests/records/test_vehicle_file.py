@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from rover_sweep.data.geometry import Tolerances
-from rover_sweep.data.vehicle_file import Measured, example, load, parse, set_number
+from rover_sweep.data.vehicle_file import Measured, example, load, parse, set_numbers
 from rover_sweep.data.vehicle_geometry import tolerances_of, with_uncertainties
 from rover_sweep.data.vehicle_rules import MATERIAL
 from rover_sweep.errors import UsageError
@@ -224,7 +224,7 @@ def test_not_text(tmp_path: Path) -> None:
 def test_writing_changes_one_number_and_nothing_else(tmp_path: Path) -> None:
     path = tmp_path / "rover.toml"
     path.write_text(example(), encoding="utf-8")
-    rover = set_number(path, "vehicle.yaw_inertia", Measured(0.0712, 0.0008))
+    rover = set_numbers(path, {"vehicle.yaw_inertia": Measured(0.0712, 0.0008)})
     assert rover.yaw_inertia == Measured(0.0712, 0.0008) == load(path).yaw_inertia
     before, after = example().splitlines(), path.read_text(encoding="utf-8").splitlines()
     changed = [(old, new) for old, new in zip(before, after, strict=True) if old != new]
@@ -240,7 +240,7 @@ def test_a_file_as_windows_writes_it(tmp_path: Path, encoding: str, end: str) ->
     path = tmp_path / "rover.toml"
     path.write_bytes(example().replace("\n", end).encode(encoding))
     assert load(path) == parse(example())
-    set_number(path, "vehicle.mass", Measured(3.0))
+    set_numbers(path, {"vehicle.mass": Measured(3.0)})
     assert load(path).mass == Measured(3.0) and path.read_bytes().count(b"\r\n") == (
         0 if end == "\n" else example().count("\n")
     )
@@ -257,8 +257,8 @@ def test_a_file_as_windows_writes_it(tmp_path: Path, encoding: str, end: str) ->
 def test_writing_adds_or_replaces(tmp_path: Path, text: str) -> None:
     path = tmp_path / "rover.toml"
     path.write_text(text, encoding="utf-8")
-    set_number(path, "vehicle.yaw_inertia", Measured(0.07, 0.002))
-    set_number(path, "vehicle.roll_inertia", Measured(0.0125))
+    set_numbers(path, {"vehicle.yaw_inertia": Measured(0.07, 0.002)})
+    set_numbers(path, {"vehicle.roll_inertia": Measured(0.0125)})
     rover = load(path)
     assert (rover.yaw_inertia, rover.roll_inertia) == (Measured(0.07, 0.002), Measured(0.0125))
     assert rover.mass == Measured(2.66)
@@ -268,6 +268,6 @@ def test_writing_nonsense_leaves_the_file_alone(tmp_path: Path) -> None:
     path = tmp_path / "rover.toml"
     path.write_text(example(), encoding="utf-8")
     with pytest.raises(UsageError, match="give kg m\\^2"):
-        set_number(path, "vehicle.yaw_inertia", Measured(710.0))
+        set_numbers(path, {"vehicle.yaw_inertia": Measured(710.0)})
     assert path.read_text(encoding="utf-8") == example()
     assert [p.name for p in tmp_path.iterdir()] == ["rover.toml"]

@@ -25,7 +25,7 @@ from rover_sweep.cli.options import FILE, NumberRange, measured_type, numbers_ty
 from rover_sweep.cli.views.display import bullet
 from rover_sweep.cli.views.output import echo, echo_json
 from rover_sweep.data.plausibility import ROLL_GYRATION, YAW_GYRATION
-from rover_sweep.data.vehicle_file import Measured, Vehicle, load, set_number
+from rover_sweep.data.vehicle_file import Measured, Vehicle, load, set_numbers
 from rover_sweep.errors import DataRefused, UsageError
 
 MASS = measured_type(0.05, 5000, "kg", "give kilograms")
@@ -115,7 +115,7 @@ def inertia(
             raise DataRefused(
                 f"not written into {write}: {'; '.join(faults)}; repeat the test, or use --force"
             )
-        set_number(write, KEY[axis], rounded(result.moment))
+        set_numbers(write, {KEY[axis]: rounded(result.moment)})
         key = KEY[axis].partition(".")[2]
         echo(f"{key} = {rounded(result.moment)} kg m^2 written into {write}", err=True)
 
