@@ -25,21 +25,16 @@ END = re.compile(r"^SW[PX]\b.*\b(done|stop|stopped|abort|aborted)\b", re.IGNOREC
 
 def applet_runs(rows: AppletRows) -> Iterator[AppletRows]:
     """The applet's rows of each run; the old applet's clock T restarts with each run."""
-    rows = _without_lone(rows)
+    keep = np.ones(rows.t.size, bool)  # without damaged rows, whose neighbours are equal and other
+    for x in (rows.run, rows.state):
+        keep[1:-1] &= (x[1:-1] == x[:-2]) | (x[:-2] != x[2:])
+    rows = rows.where(keep)
     old = (rows.state == OLD_STATE) & (rows.clock >= 0)
     restarted = old[1:] & old[:-1] & (np.diff(rows.clock) < -0.5)
     cuts = np.flatnonzero((np.diff(rows.run) != 0) | restarted) + 1
     for a, b in pairwise([0, *cuts.tolist(), rows.t.size]):
         if b - a > 1:
-            yield AppletRows(rows.t[a:b], rows.run[a:b], rows.state[a:b], rows.clock[a:b])
-
-
-def _without_lone(rows: AppletRows) -> AppletRows:
-    """Without damaged rows, whose run or state differs from both neighbours, which are equal."""
-    keep = np.ones(rows.t.size, bool)
-    for x in (rows.run, rows.state):
-        keep[1:-1] &= (x[1:-1] == x[:-2]) | (x[:-2] != x[2:])
-    return AppletRows(rows.t[keep], rows.run[keep], rows.state[keep], rows.clock[keep])
+            yield rows.where(slice(a, b))
 
 
 def is_old(rows: AppletRows) -> bool:
@@ -72,7 +67,6 @@ def ends(log: Log) -> list[float]:
 
 
 # The identity of the vehicle that made a log.
-
 
 # ArduPilot's banner ends with the board's name and its processor's unique id (source: AP_HAL
 # Util::get_system_id, "CubeOrange 0028001F 3432510D 37343231"); the simulation has none.
@@ -126,6 +120,7 @@ def _run(log: Log, rows: AppletRows, count: int) -> ThrottleRun:
     driven = rows.t[_override(rows)]
     start, end = float(driven[0]), float(driven[-1])
     pwm = at_main_loops(log.signals["throttle"], log.loops)
+    stops = rows.t[(rows.state == STOPPED) & (rows.t >= end)]
     kept = start - 1.0, end + COASTING
     return ThrottleRun(
         name=f"{log.name} run {rows.run[0]:.0f}" if count > 1 else log.name,
@@ -134,15 +129,7 @@ def _run(log: Log, rows: AppletRows, count: int) -> ThrottleRun:
         span=(start, end),
         swept=(log.parameters.get("SWP_WMIN", 0.2), log.parameters.get("SWP_WMAX", 8.0)),
         parameters=log.parameters,
-        stopped=_stopped(log, rows, end),
+        stopped=stop_reason(log, float(stops[0])) if stops.size else "",
         firmware=log.firmware,
         sources=log.sources,
     )
-
-
-def _stopped(log: Log, rows: AppletRows, end: float) -> str:
-    """Why the applet ended the run early, "" if it did not."""
-    stops = rows.t[(rows.state == STOPPED) & (rows.t >= end)]
-    if not stops.size:
-        return ""
-    return stop_reason(log, float(stops[0]))

@@ -22,7 +22,7 @@ from rover_sweep.logs.applet import (
     starts,
     stop_reason,
 )
-from rover_sweep.logs.log import AppletRows, Array, Log, limits_of_steering
+from rover_sweep.logs.log import Array, Log, limits_of_steering
 from rover_sweep.logs.readers.csv_table import without_dead_channels
 from rover_sweep.logs.readers.vehicle_clock import at_main_loops
 from rover_sweep.logs.wave import (
@@ -97,12 +97,11 @@ def _windows(log: Log) -> list[Window]:
         return _whole(log)
     found = list(_by_applet(log)) or list(_by_marks(log)) or _by_shape_or_spectrum(log)
     found = [part for w in found for part in _without_holes(log, w) if _is_excited(log, part)]
-    limited = []
-    for i, w in enumerate(found):
-        earliest = max(w.earliest, found[i - 1].end if i else -np.inf)
-        latest = min(w.latest, found[i + 1].start if i + 1 < len(found) else np.inf)
-        limited.append(replace(w, earliest=earliest, latest=latest))
-    return limited
+    begins, stops = [-np.inf, *(w.end for w in found)], [*(w.start for w in found[1:]), np.inf]
+    return [
+        replace(w, earliest=max(w.earliest, a), latest=min(w.latest, b))
+        for w, a, b in zip(found, begins, stops, strict=False)
+    ]
 
 
 def _whole(log: Log) -> list[Window]:
@@ -131,27 +130,19 @@ def _is_excited(log: Log, w: Window) -> bool:
 
 
 def _by_applet(log: Log) -> Iterator[Window]:
-    if log.applet is None:
-        return
-    for rows in applet_runs(log.applet):
+    for rows in applet_runs(log.applet) if log.applet is not None else ():
+        label, waving = f"run {rows.run[0]:.0f}", np.isin(rows.state, list(WAVE_STATES))
         if is_old(rows):
-            yield Window(rows.t[0], rows.t[-1], label=f"run {rows.run[0]:.0f}")
-            continue
-        waving = np.isin(rows.state, list(WAVE_STATES))
-        if waving.any():
-            yield _states_window(log, rows, waving)
-
-
-def _states_window(log: Log, rows: AppletRows, waving: Bool) -> Window:
-    override = np.isin(rows.state, list(OVERRIDE_STATES))
-    start, end = rows.t[waving][0], rows.t[waving][-1]
-    stopped = np.flatnonzero((rows.state == STOPPED) & (rows.t > end))
-    notes: tuple[Note, ...] = ()
-    if stopped.size:
-        at = float(rows.t[stopped[0]])
-        text = f"The applet stopped this run at {at - start:.1f} s ({stop_reason(log, at)})"
-        notes = (Note("warning", text),)
-    return Window(start, end, rows.t[override][0], rows.t[override][-1], f"run {rows.run[0]:.0f}", notes)
+            yield Window(rows.t[0], rows.t[-1], label=label)
+        elif waving.any():
+            override = rows.t[np.isin(rows.state, list(OVERRIDE_STATES))]
+            start, end = rows.t[waving][0], rows.t[waving][-1]
+            stopped = rows.t[(rows.state == STOPPED) & (rows.t > end)]
+            notes = tuple(
+                Note("warning", f"The applet stopped this run at {at - start:.1f} s ({stop_reason(log, at)})")
+                for at in stopped[:1].tolist()
+            )
+            yield Window(start, end, override[0], override[-1], label, notes)
 
 
 def _by_marks(log: Log) -> Iterator[Window]:
@@ -170,18 +161,13 @@ def _by_marks(log: Log) -> Iterator[Window]:
             yield Window(first, min(last, latest), label=f"run {i + 1}")
 
 
-def _by_activity(log: Log) -> Iterator[Window]:
-    steering, speed = log.steering[0], log.signals["speed"]
-    for i, (start, end) in enumerate(active_intervals(steering, speed)):
-        yield Window(start, end, label=f"run {i + 1}")
-
-
 def _by_shape_or_spectrum(log: Log) -> list[Window]:
     """Steering that alternates; in a table without a manoeuvre, where that is only a part, all that carries.
 
     An autopilot's log has its manoeuvres.
     """
-    found = list(_by_activity(log))
+    active = active_intervals(log.steering[0], log.signals["speed"])
+    found = [Window(a, b, label=f"run {i + 1}") for i, (a, b) in enumerate(active)]
     if log.applet is not None or log.parameters or log.marks:
         return found
     carried = carried_intervals(log)
@@ -203,7 +189,16 @@ def _recording(log: Log, window: Window, standstill: tuple[Interval, ...], count
     name = f"{log.name} {window.label}" if count > 1 else log.name
     refuse_fragment(log, name, kind, window.start, window.end)
     straight = straight_intervals(log, window)
-    start, end = _with_lead(window, straight)
+    # the excitation and up to `LEAD` s of straight driving before and after it
+    before = [a for a, b in straight if window.start - TOUCHING < b <= window.start + CELL]
+    after = [b for a, b in straight if window.end - CELL <= a < window.end + TOUCHING]
+    start = max(before[-1], window.start - LEAD) if before else window.start
+    end = min(after[0], window.end + LEAD) if after else window.end
+    cuts = completeness_notes(log, window.start, window.end)
+    if kind == "other" and not (log.parameters or log.marks or log.applet is not None):
+        cuts = tuple(
+            note for note in cuts if "has a hole" in note.text
+        )  # driving without a shape, in a table
     return Recording(
         name=name,
         channels=signals,
@@ -212,29 +207,12 @@ def _recording(log: Log, window: Window, standstill: tuple[Interval, ...], count
         standstill=standstill,
         straight=straight,
         filters=log.filters,
-        notes=(*log.notes, *window.notes, *_cut(log, window, kind)),
+        notes=(*log.notes, *window.notes, *cuts),
         firmware=log.firmware,
         sources=log.sources,
         vehicle=identity(log),
         limits=limits_of_steering(log.parameters),
     )
-
-
-def _cut(log: Log, window: Window, kind: Kind) -> tuple[Note, ...]:
-    """Notes on a run that is cut off; in a table, driving without a shape is cut by holes only."""
-    found = completeness_notes(log, window.start, window.end)
-    if kind != "other" or log.parameters or log.marks or log.applet is not None:
-        return found
-    return tuple(note for note in found if "has a hole" in note.text)
-
-
-def _with_lead(window: Window, straight: tuple[Interval, ...]) -> Interval:
-    """(start, end) [s]: the excitation and up to `LEAD` s of straight driving before and after it."""
-    before = [a for a, b in straight if b <= window.start + CELL and b > window.start - TOUCHING]
-    after = [b for a, b in straight if a >= window.end - CELL and a < window.end + TOUCHING]
-    start = max(before[-1], window.start - LEAD) if before else window.start
-    end = min(after[0], window.end + LEAD) if after else window.end
-    return start, end
 
 
 def still_intervals(log: Log) -> tuple[Interval, ...]:

@@ -16,7 +16,6 @@ from rover_sweep.logs.log import (
     STEERING,
     THRUST_LEFT,
     THRUST_RIGHT,
-    AppletRows,
     Log,
     output_channel,
     output_channels,
@@ -39,7 +38,11 @@ GYRO_RANGE, ACCEL_RANGE = 34.9, 16 * STANDARD_GRAVITY
 
 def refuse_useless(log: Log) -> None:
     """Raise DataRefused for a log that cannot hold a usable run, with the value found and what to do."""
-    _refuse_foreign(log)
+    if log.vehicle not in ("rover", "boat", ""):
+        raise DataRefused(
+            f"{log.name} is the log of a {log.vehicle} ({log.firmware or 'by its heartbeat'}): "
+            "only rovers with steered wheels can be identified"
+        )
     _refuse_without_wheels(log)
     missing = [
         name for channel, name in (("speed", "speed"), ("r", "yaw rate")) if channel not in log.signals
@@ -50,19 +53,16 @@ def refuse_useless(log: Log) -> None:
             "(LOG_BITMASK, or the message rates of the link)"
         )
     _refuse_odd_clock(log)
-    _refuse_static(log)
+    speed = log.signals["speed"].x
+    fastest = float(np.percentile(np.abs(speed), 99)) if speed.size else 0.0
+    if fastest < (MOVING_SPEED if log.parameters or log.marks else SLOWEST_CAR):
+        raise DataRefused(
+            f"{log.name}: the rover never drove (speed up to {fastest:.2f} m/s); record a sweep while driving"
+        )
     if not log.steering:
         raise DataRefused(
             f"{log.name} holds no steering output (SWEP, SERVO_OUTPUT_RAW or RCOU), or the output was off: "
             "give also the .tlog of the same drive"
-        )
-
-
-def _refuse_foreign(log: Log) -> None:
-    if log.vehicle not in ("rover", "boat", ""):
-        raise DataRefused(
-            f"{log.name} is the log of a {log.vehicle} ({log.firmware or 'by its heartbeat'}): "
-            "only rovers with steered wheels can be identified"
         )
 
 
@@ -106,16 +106,6 @@ def _refuse_odd_clock(log: Log) -> None:
         )
 
 
-def _refuse_static(log: Log) -> None:
-    speed = log.signals["speed"].x
-    fastest = float(np.percentile(np.abs(speed), 99)) if speed.size else 0.0
-    least = MOVING_SPEED if log.parameters or log.marks else SLOWEST_CAR
-    if fastest < least:
-        raise DataRefused(
-            f"{log.name}: the rover never drove (speed up to {fastest:.2f} m/s); record a sweep while driving"
-        )
-
-
 def refuse_unexcited(log: Log) -> None:
     """Raise DataRefused for a log of driving in which no run was found."""
     steering, speed = log.steering[0], log.signals["speed"]
@@ -144,8 +134,7 @@ def with_notes(run: Recording, log: Log) -> Recording:
         *_stops(run, log),
         *at_both_stops(run),
         *_full_scale(run),
-        *_steering(run),
-        *_steering_outputs(log),
+        *_steering(run, log),
         *_biases(run),
         *_clock(run, log),
     )
@@ -167,8 +156,7 @@ def _unexcited(run: Recording) -> Iterator[Note]:
 
 
 def _steering_of(run: Recording) -> Signal:
-    name = "delta" if "delta" in run else "pwm"
-    return run.manoeuvre(name)
+    return run.manoeuvre("delta" if "delta" in run else "pwm")
 
 
 def _sampling(run: Recording) -> Iterator[Note]:
@@ -198,7 +186,12 @@ def _unlogged(run: Recording, log: Log) -> Iterator[Note]:
             f"{steering.t[int(np.argmax(steps))]:.1f} s; it is assumed constant there"
             f"{doubt if log.applet is not None else ''}",
         )
-    pauses = [(a, b) for a, b in _pauses(log, run.span) if np.any((steering.t > a + LOOP) & (steering.t < b))]
+    pauses: list[tuple[float, float]] = []  # in which the applet steered and logged nothing
+    for rows in applet_runs(log.applet) if log.applet is not None else ():
+        steers = rows.state == OLD_STATE if is_old(rows) else np.isin(rows.state, list(OVERRIDE_STATES))
+        t = rows.t[steers & (rows.t >= run.span[0]) & (rows.t <= run.span[1])]
+        pauses += [(float(t[k]), float(t[k + 1])) for k in np.flatnonzero(np.diff(t) > UNLOGGED)]
+    pauses = [(a, b) for a, b in pauses if np.any((steering.t > a + LOOP) & (steering.t < b))]
     if pauses:
         a, b = max(pauses, key=lambda pause: pause[1] - pause[0])
         inside = [log.steering[0].between(*pause).x[:-1] for pause in pauses]
@@ -210,14 +203,6 @@ def _unlogged(run: Recording, log: Log) -> Iterator[Note]:
             f"the longest of {b - a:.2f} s at {a:.1f} s; RCOU, which is used there, shows that the servo "
             f"{f'moved by up to {moved:.0f} us' if away else 'kept its position'}",
         )
-
-
-def _pauses(log: Log, span: tuple[float, float]) -> Iterator[tuple[float, float]]:
-    """Intervals (start, end) [s] in which the applet steered and logged nothing."""
-    for rows in applet_runs(log.applet) if log.applet is not None else ():
-        steers = rows.state == OLD_STATE if is_old(rows) else np.isin(rows.state, list(OVERRIDE_STATES))
-        t = rows.t[steers & (rows.t >= span[0]) & (rows.t <= span[1])]
-        yield from ((float(t[k]), float(t[k + 1])) for k in np.flatnonzero(np.diff(t) > UNLOGGED))
 
 
 def _gaps(source: str, signal: Signal) -> Iterator[Note]:
@@ -268,20 +253,16 @@ def _full_scale(run: Recording) -> Iterator[Note]:
             )
 
 
-def _steering(run: Recording) -> Iterator[Note]:
+def _steering(run: Recording, log: Log) -> Iterator[Note]:
+    """Steering recorded too slowly; four-wheel steering, which looks like two servos on one axle."""
     steering = _steering_of(run)
-    if steering.hold or not 0 < steering.rate < COARSE:
-        return
-    yield Note(
-        "warning",
-        f"Steering ({steering.source}) was recorded at {steering.rate:.0f} Hz: it resolves a smooth wave up "
-        f"to {0.8 * np.pi * steering.rate:.0f} rad/s, and the time of a step only to "
-        f"{500 / steering.rate:.0f} ms; give also the .tlog, or log with the applet",
-    )
-
-
-def _steering_outputs(log: Log) -> Iterator[Note]:
-    """Four-wheel steering, which looks like two servos on one axle."""
+    if not steering.hold and 0 < steering.rate < COARSE:
+        yield Note(
+            "warning",
+            f"Steering ({steering.source}) was recorded at {steering.rate:.0f} Hz: it resolves a smooth wave "
+            f"up to {0.8 * np.pi * steering.rate:.0f} rad/s, and the time of a step only to "
+            f"{500 / steering.rate:.0f} ms; give also the .tlog, or log with the applet",
+        )
     outputs = output_channels(log.parameters, STEERING)
     if len(outputs) > 1:
         names = " and ".join(f"SERVO{n}_FUNCTION" for n in outputs)
@@ -301,14 +282,10 @@ def _biases(run: Recording) -> Iterator[Note]:
 def _clock(run: Recording, log: Log) -> Iterator[Note]:
     """Faults of the run's clock, compared with the applet's or the telemetry recorder's."""
     if log.applet is not None:
-        yield from _by_applet(run, log.applet)
+        for own in applet_runs(log.applet):
+            inside = (own.t >= run.span[0]) & (own.t <= run.span[1]) & (own.clock > 0)
+            yield from stretched_by_applet(own.t[inside], own.clock[inside])
     elif log.arrivals is not None:
         t, arrival = log.arrivals
         inside = (t >= run.span[0]) & (t <= run.span[1])
         yield from stretched_by_arrival(t[inside], arrival[inside], relations(run).heading)
-
-
-def _by_applet(run: Recording, rows: AppletRows) -> Iterator[Note]:
-    for own in applet_runs(rows):
-        inside = (own.t >= run.span[0]) & (own.t <= run.span[1]) & (own.clock > 0)
-        yield from stretched_by_applet(own.t[inside], own.clock[inside])

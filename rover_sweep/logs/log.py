@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,6 +39,10 @@ class AppletRows:
     run: Array
     state: Array
     clock: Array
+
+    def where(self, keep: NDArray[np.bool_] | slice) -> AppletRows:
+        """The rows of a mask (n,) or a slice."""
+        return AppletRows(self.t[keep], self.run[keep], self.state[keep], self.clock[keep])
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,12 +103,9 @@ def vehicle_of(firmware: str) -> str:
 
 def firmware_of(marks: Iterable[tuple[float, str]]) -> str:
     """The banner among the messages to the user, such as "ArduRover V4.6.3 (3fc7011a)"; "" for none."""
-    return printable(next((text for _, text in marks if is_banner(text)), ""))
-
-
-def is_banner(text: str) -> bool:
-    """True for the firmware's banner."""
-    return text.startswith(("Ardu", "APM:", "AntennaTracker", "Blimp")) and " v" in text.lower()
+    begins = ("Ardu", "APM:", "AntennaTracker", "Blimp")
+    banners = (text for _, text in marks if text.startswith(begins) and " v" in text.lower())
+    return printable(next(banners, ""))
 
 
 def finite_only(named: Iterable[tuple[str, float]]) -> dict[str, float]:
@@ -232,6 +234,23 @@ def clock_notes(stamps: Mapping[str, Array]) -> Iterator[Note]:
         if lost > DUPLICATES_REPORTED * t.size:
             text = f"{lost} of {t.size} samples of {name} have the time of another sample and were left out"
             yield Note("info", text)
+
+
+def message_signals(
+    name: str, t: Array, channels: Mapping[str, tuple[str, float, str]], column: Callable[[str], NDArray[Any]]
+) -> dict[str, Signal]:
+    """Channels of one message type with stamps t (n,) [s]. channels: {channel: (column, factor, unit)}.
+
+    column: gives the values (n,) of a column by its name.
+    """
+    t, columns = increasing(t, *(np.asarray(column(c), float) * factor for c, factor, _ in channels.values()))
+    found = {
+        channel: Signal(t, x, unit, f"{name}.{c}")
+        for (channel, (c, _, unit)), x in zip(channels.items(), columns, strict=True)
+    }
+    if "psi" in found:
+        found["psi"] = replace(found["psi"], x=np.unwrap(found["psi"].x))
+    return found
 
 
 def body_velocity(t: Array, vn: Array, ve: Array, psi: Array, source: str) -> dict[str, Signal]:

@@ -15,8 +15,11 @@ from rover_sweep.errors import DataRefused, UsageError
 from rover_sweep.logs.find import find_runs
 from rover_sweep.logs.judgement import refuse_unexcited, refuse_useless, with_notes
 from rover_sweep.logs.log import Log
-from rover_sweep.logs.readers.csv_table import screened
+from rover_sweep.logs.readers.csv_table import read_csv, screened
 from rover_sweep.logs.readers.dataflash import open_parts
+from rover_sweep.logs.readers.dataflash_channels import read_dataflash
+from rover_sweep.logs.readers.tlog_channels import read_telemetry
+from rover_sweep.logs.readers.vehicle_clock import paired
 
 
 def read_runs(
@@ -72,42 +75,26 @@ def read_logs(
     path = existing_log(source)
     match path.suffix.lower():
         case ".bin":
-            return _flash(path, filters)
+            return read_dataflash(path, filters)
         case ".tlog":
-            return _telemetry(path, filters, system)
+            return read_telemetry(path, filters, system)
         case ".csv":
-            from rover_sweep.logs.readers.csv_table import read_csv
-
             return read_csv(path, column_map)
     raise UsageError(
         f"{path.name}: {path.suffix or 'no extension'} cannot be read; give a .BIN, .tlog or .csv"
     )
 
 
-def _flash(path: Path, filters: Mapping[str, float] | None) -> tuple[Log, ...]:
-    from rover_sweep.logs.readers.dataflash_channels import read_dataflash
-
-    return read_dataflash(path, filters)
-
-
-def _telemetry(path: Path, filters: Mapping[str, float] | None, system: int | None) -> tuple[Log, ...]:
-    from rover_sweep.logs.readers.tlog_channels import read_telemetry
-
-    return read_telemetry(path, filters, system)
-
-
 def _pair(
     first: str, second: str, filters: Mapping[str, float] | None, system: int | None
 ) -> tuple[Log, ...]:
     """Both logs of one drive, in either order."""
-    from rover_sweep.logs.readers.vehicle_clock import paired
-
     by_kind = {path.suffix.lower(): path for path in (existing_log(first), existing_log(second))}
     if set(by_kind) != {".bin", ".tlog"}:
         raise UsageError(f"{first}+{second}: give one .BIN and one .tlog of the same drive")
-    telemetry = _telemetry(by_kind[".tlog"], filters, system)
+    telemetry = read_telemetry(by_kind[".tlog"], filters, system)
     found, refusals = [], []
-    for flash in _flash(by_kind[".bin"], filters):
+    for flash in read_dataflash(by_kind[".bin"], filters):
         try:
             found.append(paired(flash, telemetry))
         except DataRefused as refusal:  # of one log in a joined .BIN; others may be usable

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rover_sweep.data.recording import Kind, Note, Recording, Signal, stretches
 from rover_sweep.errors import DataRefused
@@ -44,7 +43,9 @@ def active_intervals(steering: Signal, speed: Signal) -> list[tuple[float, float
     times = steering.t[active]
     if times.size == 0:
         return []
-    halts = np.searchsorted(times, _halts(steering.t, moving))
+    t = steering.t
+    stops = [t[a] for a, b in stretches(~moving) if t[min(b + 1, t.size - 1)] - t[a] >= HALT]
+    halts = np.searchsorted(times, np.array(stops))
     cuts = np.union1d(np.flatnonzero(np.diff(times) > PAUSE) + 1, halts)
     spans = [(float(part[0]), float(part[-1])) for part in np.split(times, cuts) if part.size]
     long = [(start, end) for start, end in spans if end - start >= SHORTEST_RUN]
@@ -66,11 +67,6 @@ def excitation(steering: Signal, start: float, end: float, rest: float) -> tuple
     before = at_rest[(at_rest < first) & (at_rest > first - FADE)]
     after = at_rest[(at_rest > last) & (at_rest < last + FADE)]
     return (float(before[-1]) if before.size else first), (float(after[0]) if after.size else last)
-
-
-def _halts(t: Array, moving: NDArray[np.bool_]) -> Array:
-    """Times (n,) [s] at which a halt of at least `HALT` begins."""
-    return np.array([t[a] for a, b in stretches(~moving) if t[min(b + 1, t.size - 1)] - t[a] >= HALT])
 
 
 def active_threshold(steering: Signal) -> float:
@@ -116,7 +112,8 @@ def kind_of(whole: Signal, start: float, end: float) -> Kind:
         return "other"
     third = halves.size // 3
     shrinks = np.median(halves[:third]) > 2 * np.median(halves[-third:])
-    if shrinks and _rank_correlation(halves) < -0.6:
+    ranks = np.argsort(np.argsort(halves))  # Spearman's correlation of the half periods with their order
+    if shrinks and np.corrcoef(ranks, np.arange(halves.size))[0, 1] < -0.6:
         return "sweep" if abs((low + high) / 2 - rest) < BIASED * (high - low) / 2 else "bias_sweep"
     return "multisine" if _repeats(steering) else "other"
 
@@ -134,14 +131,10 @@ def _repeats(steering: Signal) -> bool:
     )  # the period of a sine is shorter
     lags = np.arange(max(int(shortest / REPEAT_STEP), 1), int(REPEAT_SHARE * grid.size))
     correlations = [float(np.corrcoef(x[lag:], x[: x.size - lag])[0, 1]) for lag in lags]
-    return bool(correlations) and max(correlations) > REPEAT_CORRELATION and _is_not_sine(x)
-
-
-def _is_not_sine(x: Array) -> bool:
-    """True when no single line of the spectrum has most of the power."""
     power = np.abs(np.fft.rfft((x - x.mean()) * np.hanning(x.size))) ** 2
     peak = int(np.argmax(power))
-    return bool(np.sum(power[max(peak - 2, 0) : peak + 3]) < ONE_LINE * np.sum(power))
+    one_line = np.sum(power[max(peak - 2, 0) : peak + 3]) >= ONE_LINE * np.sum(power)
+    return bool(correlations) and max(correlations) > REPEAT_CORRELATION and not one_line
 
 
 def _is_doublet(steering: Signal, rest: float) -> bool:
@@ -149,22 +142,18 @@ def _is_doublet(steering: Signal, rest: float) -> bool:
 
     A driver who holds the stick makes pulses too, but not equal pairs throughout.
     """
-    pulses = _pulses(steering, rest)
-    pairs = list(zip(pulses[::2], pulses[1::2], strict=False))
-    return bool(pairs) and len(pulses) % 2 == 0 and all(_is_pair(*pair) for pair in pairs)
-
-
-def _pulses(steering: Signal, rest: float) -> list[tuple[float, Array]]:
-    """(start [s], distance from rest (n,) every `STEP`) of each time away from rest on one side."""
     grid = np.arange(steering.t[0], steering.t[-1], STEP)
     if grid.size < 2:
-        return []
+        return False
     away = np.interp(grid, steering.t, steering.x) - rest
     if steering.hold:
         away = steering.x[np.searchsorted(steering.t, grid, "right") - 1] - rest
     side = np.sign(away) * (np.abs(away) > PULSE * np.max(np.abs(away)))
     parts = np.split(np.arange(grid.size), np.flatnonzero(np.diff(side)) + 1)
-    return [(float(grid[k[0]]), away[k]) for k in parts if side[k[0]] and k.size > 1]
+    # (start [s], distance from rest (n,) every `STEP`) of each time away from rest on one side
+    pulses = [(float(grid[k[0]]), away[k]) for k in parts if side[k[0]] and k.size > 1]
+    pairs = list(zip(pulses[::2], pulses[1::2], strict=False))
+    return bool(pairs) and len(pulses) % 2 == 0 and all(_is_pair(*pair) for pair in pairs)
 
 
 def _is_pair(first: tuple[float, Array], second: tuple[float, Array]) -> bool:
@@ -180,12 +169,6 @@ def _is_pair(first: tuple[float, Array], second: tuple[float, Array]) -> bool:
         and turn - begin < EQUAL * lengths[0] + EDGE
         and min(flat) > FLAT
     )
-
-
-def _rank_correlation(x: Array) -> float:
-    """Spearman's correlation of a series with its index."""
-    ranks = np.argsort(np.argsort(x))
-    return float(np.corrcoef(ranks, np.arange(x.size))[0, 1])
 
 
 # Checks whether a recording holds the complete run: by the applet's messages, else by the steering.
@@ -204,19 +187,11 @@ def completeness_notes(log: Log, start: float, end: float) -> tuple[Note, ...]:
     notes = []
     if reason := _cut_after(log, steering, rest, start, end):
         notes.append(Note("warning", f"{reason} Only the part before it is used; drive the run again"))
-    if (reason := _cut_before(steering, rest, start)) and not _start_was_announced(log, start, end):
+    begun = [s for s in starts(log) if s < end]
+    announced = bool(begun) and not any(begun[-1] < t < start for t in ends(log))
+    if (reason := _cut_before(steering, rest, start)) and not announced:
         notes.append(Note("warning", f"{reason} Only the part after it is used"))
     return tuple(notes)
-
-
-def _end_was_announced(log: Log, start: float, end: float) -> bool:
-    """True when the applet announced the end (done or stopped) between this run and the next."""
-    return any(start < t for t in ends(log) if not any(end < s < t for s in starts(log)))
-
-
-def _start_was_announced(log: Log, start: float, end: float) -> bool:
-    begun = [s for s in starts(log) if s < end]
-    return bool(begun) and not any(begun[-1] < t < start for t in ends(log))
 
 
 def _cut_after(log: Log, steering: Signal, rest: float, start: float, end: float) -> str:
@@ -224,11 +199,14 @@ def _cut_after(log: Log, steering: Signal, rest: float, start: float, end: float
     last = min(s.t[-1] for s in (steering, log.signals["speed"], log.signals["r"]))
     if last < end - HOLE:
         return f"The recording ends before the end of the run: speed or yaw rate end at {last:.1f} s."
-    if _end_was_announced(log, start, end):
-        return ""
-    state = _last_state(log, start, end)
-    if state in WAVE_STATES:
-        return f"The recording ends before the end of the run: the last state is {state}, at {end:.1f} s."
+    if any(start < t for t in ends(log) if not any(end < s < t for s in starts(log))):
+        return ""  # the applet announced the end between this run and the next
+    for rows in applet_runs(log.applet) if log.applet is not None else ():
+        if not is_old(rows) and rows.t[0] <= end and rows.t[-1] >= start:
+            if (state := int(rows.state[-1])) in WAVE_STATES:
+                ended = f"the last state is {state}, at {end:.1f} s"
+                return f"The recording ends before the end of the run: {ended}."
+            break
     begun = any(s <= end for s in starts(log))
     stop = _edge(steering, end, 1)
     away = _is_away(steering, stop, rest)
@@ -270,14 +248,6 @@ def _edge(steering: Signal, at: float, direction: int) -> int:
 
 def _is_away(steering: Signal, k: int, rest: float) -> bool:
     return bool(abs(steering.x[k] - rest) > CONSTANT * active_threshold(steering))
-
-
-def _last_state(log: Log, start: float, end: float) -> int | None:
-    """The last state that the applet logged in the run, None without states."""
-    for rows in applet_runs(log.applet) if log.applet is not None else ():
-        if not is_old(rows) and rows.t[0] <= end and rows.t[-1] >= start:
-            return int(rows.state[-1])
-    return None
 
 
 def refuse_fragment(log: Log, name: str, kind: Kind, start: float, end: float) -> None:
@@ -331,7 +301,15 @@ def carried_intervals(log: Log) -> list[tuple[float, float]]:
     """
     speed, steering = log.signals["speed"], log.steering[0]
     least = min(SHORTEST_RUN, WHOLE * float(steering.t[-1] - steering.t[0])) if steering.t.size else 0.0
-    long = [(a, b) for a, b in _driven(speed, steering) if b - a >= least]
+    forward = speed.x[speed.x > 0]
+    usual = float(np.percentile(forward, 75)) if forward.size else 0.0
+    moving = speed.t[speed.x > min(MOVING_SPEED, SLOW_SHARE * usual)]
+    times: Array = moving[(moving >= steering.t[0]) & (moving <= steering.t[-1])]
+    if times.size < 2:
+        return []
+    parts = np.split(times, np.flatnonzero(np.diff(times) > HALT) + 1)
+    driven = [(float(part[0]), float(part[-1])) for part in parts]
+    long = [(a, b) for a, b in driven if b - a >= max(least, SHORTEST_TRIAL)]
     return [(a, b) for a, b in long if carries(steering.between(a, b), a, b)]
 
 
@@ -344,16 +322,3 @@ def carries(steering: Signal, start: float, end: float) -> bool:
     rest = x - np.polyval(np.polyfit(grid - start, x, 1), grid - start)
     threshold = active_threshold(steering)
     return bool(np.ptp(x) > threshold and np.sqrt(np.mean(rest**2)) > CARRIED * threshold)
-
-
-def _driven(speed: Signal, steering: Signal) -> list[tuple[float, float]]:
-    """Intervals (start, end) [s] in which the rover moves, apart by halts of at least `HALT`."""
-    forward = speed.x[speed.x > 0]
-    usual = float(np.percentile(forward, 75)) if forward.size else 0.0
-    moving = speed.t[speed.x > min(MOVING_SPEED, SLOW_SHARE * usual)]
-    times: Array = moving[(moving >= steering.t[0]) & (moving <= steering.t[-1])]
-    if times.size < 2:
-        return []
-    cuts = np.flatnonzero(np.diff(times) > HALT) + 1
-    parts = [(float(part[0]), float(part[-1])) for part in np.split(times, cuts)]
-    return [(a, b) for a, b in parts if b - a >= SHORTEST_TRIAL]

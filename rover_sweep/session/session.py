@@ -14,7 +14,7 @@ from pathlib import Path
 from firmware_params.param_files import WantedParameter, compare
 from rover_sweep.data.recording import Note, Recording
 from rover_sweep.errors import DataRefused, LinkError, UsageError
-from rover_sweep.logs import read_runs
+from rover_sweep.logs.read import read_runs
 from rover_sweep.logs.readers.vehicle_clock import dropped_messages
 from rover_sweep.manoeuvre.sweep import ThrottleSweep, refuse_undersampled
 from rover_sweep.session.content import Content, DrivenRun, FetchedLog, SessionRun

@@ -10,7 +10,7 @@ from recordings import APPLET, DATA
 
 import rover_sweep as rs
 from rover_sweep.data.recording import Recording
-from rover_sweep.logs import read_logs, read_runs
+from rover_sweep.logs.read import read_logs, read_runs
 from rover_sweep.logs.readers.dataflash import index
 from rover_sweep.manoeuvre.sweep import Doublet, Manoeuvre, Sweep
 

@@ -12,10 +12,10 @@ from recordings import NOMINAL
 
 from rover_sweep.data.recording import Recording, Signal
 from rover_sweep.errors import DataRefused
-from rover_sweep.logs import read_runs
 from rover_sweep.logs.find import find_runs
 from rover_sweep.logs.judgement import with_notes
 from rover_sweep.logs.log import Log
+from rover_sweep.logs.read import read_runs
 from rover_sweep.manoeuvre.sweep import Manoeuvre, Sweep
 
 SWEEP: Manoeuvre = Sweep(amplitude=100, t_rec=30, w_min=0.8)

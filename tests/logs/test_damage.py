@@ -12,11 +12,11 @@ from drives import drive, signal
 from recordings import NOMINAL
 
 from rover_sweep.errors import DataRefused
-from rover_sweep.logs import read_logs, read_runs
 from rover_sweep.logs.applet import applet_runs
 from rover_sweep.logs.find import find_runs
 from rover_sweep.logs.judgement import refuse_useless
 from rover_sweep.logs.log import AppletRows, Log, increasing, refuse_disorder
+from rover_sweep.logs.read import read_logs, read_runs
 from rover_sweep.logs.readers.csv_table import screened
 from rover_sweep.logs.readers.dataflash import open_parts
 from rover_sweep.manoeuvre.sweep import Manoeuvre, Sweep

@@ -126,7 +126,7 @@ def test_all_messages_of_a_long_log_are_found() -> None:
 
 def test_the_package_loads_nothing_slow() -> None:
     code = (
-        "import sys; from rover_sweep.logs import read_runs; read_runs(sys.argv[1]); "
+        "import sys; from rover_sweep.logs.read import read_runs; read_runs(sys.argv[1]); "
         "print([m for m in ('scipy', 'pymavlink', 'matplotlib') if m in sys.modules])"
     )
     done = subprocess.run(

@@ -10,7 +10,7 @@ import pytest
 from recordings import NOMINAL, foreign
 
 from rover_sweep.errors import DataRefused, UsageError
-from rover_sweep.logs import read_logs, read_runs
+from rover_sweep.logs.read import read_logs, read_runs
 
 TRUTH = {
     "time": "t",

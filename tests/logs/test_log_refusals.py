@@ -10,7 +10,7 @@ from flash_writer import FlashWriter
 from recordings import DEFAULTS, NOMINAL, foreign
 
 from rover_sweep.errors import DataRefused, UsageError
-from rover_sweep.logs import read_runs
+from rover_sweep.logs.read import read_runs
 
 
 def refusal(source: str, **options: object) -> str:

@@ -9,10 +9,10 @@ import pytest
 from drives import applet_rows, drive, log_of, signal
 from recordings import DEFAULTS, NOMINAL
 
-from rover_sweep.logs import read_logs
 from rover_sweep.logs.find import find_runs
 from rover_sweep.logs.judgement import with_notes
 from rover_sweep.logs.log import AppletRows
+from rover_sweep.logs.read import read_logs
 from rover_sweep.logs.readers.vehicle_clock import paired
 from rover_sweep.logs.wave import kind_of
 from rover_sweep.manoeuvre.sweep import Doublet, Manoeuvre, Sweep

@@ -11,7 +11,7 @@ from recordings import DEFAULTS, NOMINAL, OLDER, STOCK
 from scipy import signal
 
 from rover_sweep.data.recording import Array, Recording, Signal
-from rover_sweep.logs import read_logs, read_runs
+from rover_sweep.logs.read import read_logs, read_runs
 
 
 @cache

@@ -7,7 +7,7 @@ import pytest
 from recordings import APPLET, NOMINAL
 
 from rover_sweep.data.recording import AT_LOOP, Array, Signal
-from rover_sweep.logs import read_logs, read_runs
+from rover_sweep.logs.read import read_logs, read_runs
 from rover_sweep.logs.readers.vehicle_clock import at_main_loops, main_loops
 
 LOOPS = np.arange(0.0, 0.1, 0.01)

@@ -9,7 +9,7 @@ import pytest
 from flash_writer import FlashWriter
 
 from rover_sweep.errors import DataRefused
-from rover_sweep.logs import read_logs, read_runs
+from rover_sweep.logs.read import read_logs, read_runs
 from rover_sweep.logs.readers.dataflash import DataFlash, index
 from tests.fuzz.seeds import drive, flash
 

@@ -13,7 +13,7 @@ from test_tlog_reader import Telemetry, saved
 
 from rover_sweep.data.recording import Recording
 from rover_sweep.errors import DataRefused
-from rover_sweep.logs import read_runs
+from rover_sweep.logs.read import read_runs
 from rover_sweep.logs.readers import tlog
 from rover_sweep.logs.readers.tlog import parse_tlog, walk
 from rover_sweep.logs.readers.tlog_channels import read_telemetry

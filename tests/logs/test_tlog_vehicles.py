@@ -12,7 +12,7 @@ from recordings import APPLET, DEFAULTS
 
 from rover_sweep.data.recording import Recording
 from rover_sweep.errors import DataRefused
-from rover_sweep.logs import read_runs
+from rover_sweep.logs.read import read_runs
 
 OTHER = 7
 

@@ -6,7 +6,7 @@ import csv
 import math
 import re
 import tomllib
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -92,12 +92,8 @@ class ColumnMap:
         return {c.name for c in (self.time, *self.columns.values())} | marks
 
 
-def read_column_map(given: Mapping[str, Any] | str | None, header: list[str], file_name: str) -> ColumnMap:
-    """The map of a file with these columns: given, from a TOML file, or by columns named like channels."""
-    return parse_column_map(_loaded(given, header, file_name), header)
-
-
 def _loaded(given: Mapping[str, Any] | str | None, header: list[str], file_name: str) -> Mapping[str, Any]:
+    """The map of a file with these columns: given, from a TOML file, or by columns named like channels."""
     if given is None:
         own = {n: n for n in (*UNITS, "trial") if n in header} | {"time": "t" if "t" in header else "time"}
         if own["time"] in header and len(own) > 2:
@@ -145,6 +141,17 @@ def parse_column_map(given: Mapping[str, Any], header: list[str]) -> ColumnMap:
     for option in ("trial", "leave_out"):
         if (named := given.get(option)) is not None and named not in header:
             raise UsageError(f"Column map: {option} = {named!r}, but the columns are {', '.join(header)}")
+    low_passes = given.get("filters", {})
+    if not isinstance(low_passes, Mapping) or not set(low_passes) <= {"gyro_hz", "accel_hz"}:
+        raise UsageError(
+            f"Column map: filters = {low_passes!r}, it must be {{gyro_hz = .., accel_hz = ..}} in Hz"
+        )
+    filters = {name: _number(name, value) for name, value in low_passes.items()}
+    for name, value in filters.items():
+        if value < 0:
+            raise UsageError(
+                f"Column map: {name} = {value:g} Hz; a cut-off must be positive, or 0 for no filter"
+            )
     return ColumnMap(
         time=_column("time", given["time"], header),
         columns={n: _column(n, v, header) for n, v in channels.items() if n not in constants},
@@ -154,7 +161,7 @@ def parse_column_map(given: Mapping[str, Any], header: list[str]) -> ColumnMap:
         whole=_choice(given, "runs", ("found", "whole")) == "whole",
         frd=_choice(given, "axes", ("iso", "frd")) == "frd",
         step=_choice(given, "sampling", ("smooth", "step")) == "step",
-        filters=_filters(given.get("filters", {})),
+        filters=filters,
     )
 
 
@@ -163,18 +170,6 @@ def _choice(given: Mapping[str, Any], key: str, allowed: tuple[str, str]) -> str
     if value not in allowed:
         raise UsageError(f'Column map: {key} = {value!r}, it must be "{allowed[0]}" or "{allowed[1]}"')
     return str(value)
-
-
-def _filters(given: Any) -> dict[str, float]:
-    if not isinstance(given, Mapping) or not set(given) <= {"gyro_hz", "accel_hz"}:
-        raise UsageError(f"Column map: filters = {given!r}, it must be {{gyro_hz = .., accel_hz = ..}} in Hz")
-    filters = {name: _number(name, value) for name, value in given.items()}
-    for name, value in filters.items():
-        if value < 0:
-            raise UsageError(
-                f"Column map: {name} = {value:g} Hz; a cut-off must be positive, or 0 for no filter"
-            )
-    return filters
 
 
 def _number(what: str, value: Any) -> float:
@@ -292,7 +287,13 @@ def without_dead_channels(run: Recording) -> Recording:
 
     DataRefused when this is the yaw rate, which every identification needs.
     """
-    reasons = {c: reason for c in RESPONSES if c in run and (reason := _dead(run.manoeuvre(c)))}
+    reasons = {}
+    for c in (c for c in RESPONSES if c in run):
+        signal = run.manoeuvre(c)
+        if signal.t.size < FEWEST:
+            reasons[c] = f"has only {signal.t.size} samples in the run"
+        elif np.ptp(signal.x) == 0:
+            reasons[c] = f"does not change ({signal.x[0] + 0.0:.4g} {signal.unit}): not recorded?"
     if "r" in reasons:
         raise DataRefused(f"{run.name}: r ({run['r'].source}) {reasons['r']}; record the yaw rate")
     if not reasons:
@@ -300,15 +301,6 @@ def without_dead_channels(run: Recording) -> Recording:
     left_out = tuple(Note("warning", f"{c} {reason}; it was left out") for c, reason in reasons.items())
     channels = {name: s for name, s in run.channels.items() if name not in reasons}
     return replace(run, channels=channels, notes=(*run.notes, *left_out))
-
-
-def _dead(signal: Signal) -> str:
-    """Why a signal cannot be used, "" if it can."""
-    if signal.t.size < FEWEST:
-        return f"has only {signal.t.size} samples in the run"
-    if np.ptp(signal.x) == 0:
-        return f"does not change ({signal.x[0] + 0.0:.4g} {signal.unit}): not recorded?"
-    return ""
 
 
 NEEDED = {"pwm", "delta", "r", "speed"}
@@ -323,13 +315,24 @@ def read_csv(path: Path, column_map: Mapping[str, Any] | str | None) -> tuple[Lo
     file that is empty, not a table, or of a vehicle without steered wheels.
     """
     header, rows = _table(path)
-    _refuse_thrusters(path, header)
-    columns = read_column_map(column_map, header, path.name)
-    _refuse_twice(path, header, columns)
+    pair = [next((n for n in header if side.match(n.lower())), None) for side in THRUSTERS]
+    if all(pair):
+        raise DataRefused(
+            f"{path.name} comes from a vehicle without steered wheels: the columns {pair[0]} and {pair[1]} "
+            "show differential thrust. Only the lumped model applies: leave these columns out, and give the "
+            "turning command as pwm, r, ay and p (docs/questions.md)"
+        )
+    columns = parse_column_map(_loaded(column_map, header, path.name), header)
+    twice = sorted(name for name in columns.used if header.count(name) > 1)
+    if twice:
+        raise DataRefused(f"{path.name} has {header.count(twice[0])} columns {twice[0]}; rename all but one")
     table = {name: [row[i] for row in rows] for i, name in enumerate(header)}
     trials = np.array(table[columns.trial]) if columns.trial else np.zeros(len(rows), int)
     labels = list(dict.fromkeys(trials.tolist()))
-    marked = _marked(table[columns.leave_out]) if columns.leave_out else np.zeros(len(rows), bool)
+    marked = np.zeros(len(rows), bool)
+    if columns.leave_out:  # true, yes or a number other than 0
+        no = ("", "0", "0.0", "false", "no")
+        marked = np.array([cell.strip().lower() not in no for cell in table[columns.leave_out]])
     source = source_of(path)
     needed = {c.name for c in (columns.time, *columns.columns.values())}
     numbers = {name: _numbers(path, name, table[name]) for name in sorted(needed)}
@@ -339,18 +342,11 @@ def read_csv(path: Path, column_map: Mapping[str, Any] | str | None) -> tuple[Lo
         own = trials == label
         part = {column: values[own & ~marked] for column, values in numbers.items()}
         log = _log(name, part, columns, source)
-        logs.append(replace(log, notes=log.notes + _left_out(columns, int(np.sum(own & marked)))))
+        if count := int(np.sum(own & marked)):
+            text = f"{count} rows marked in column {columns.leave_out} were left out"
+            log = replace(log, notes=(*log.notes, Note("warning", text)))
+        logs.append(log)
     return tuple(logs)
-
-
-def _marked(cells: list[str]) -> np.ndarray:
-    """Mask (n,) of the marked rows: true, yes or a number other than 0."""
-    return np.array([cell.strip().lower() not in ("", "0", "0.0", "false", "no") for cell in cells])
-
-
-def _left_out(columns: ColumnMap, count: int) -> tuple[Note, ...]:
-    text = f"{count} rows marked in column {columns.leave_out} were left out"
-    return (Note("warning", text),) if count else ()
 
 
 def _table(path: Path) -> tuple[list[str], list[list[str]]]:
@@ -398,35 +394,28 @@ def _is_number(cell: str) -> bool:
     return True
 
 
-def _refuse_twice(path: Path, header: list[str], columns: ColumnMap) -> None:
-    twice = sorted(name for name in columns.used if header.count(name) > 1)
-    if twice:
-        raise DataRefused(f"{path.name} has {header.count(twice[0])} columns {twice[0]}; rename all but one")
-
-
-def _refuse_thrusters(path: Path, header: list[str]) -> None:
-    pair = [next((n for n in header if side.match(n.lower())), None) for side in THRUSTERS]
-    if all(pair):
-        raise DataRefused(
-            f"{path.name} comes from a vehicle without steered wheels: the columns {pair[0]} and {pair[1]} "
-            "show differential thrust. Only the lumped model applies: leave these columns out, and give the "
-            "turning command as pwm, r, ay and p (docs/questions.md)"
-        )
-
-
 def _log(name: str, numbers: Mapping[str, Array], columns: ColumnMap, source: tuple[str, str]) -> Log:
     time = (numbers[columns.time.name] - columns.time.offset) * columns.time.scale
     refuse_disorder(name, {f"column {columns.time.name}": time})
     known = time[np.isfinite(time)]
     if known.size > 1 and np.ptp(known) == 0:
         raise DataRefused(f"{name}: column {columns.time.name} (the time) has the same value in all rows")
-    signals, notes = {}, list(_time_notes(time))
+    signals, notes = {}, []
+    if known.size < time.size:
+        notes.append(Note("warning", f"{time.size - known.size} rows have no time and were left out"))
+    if late := int(np.sum(np.diff(known) <= 0)):
+        notes.append(Note("warning", f"{late} rows are not later than the previous row and were left out"))
     for channel, column in columns.columns.items():
         sign = -1.0 if columns.frd and channel in SIGN_CHANGES else 1.0
         values = (numbers[column.name] - column.offset) * column.scale * sign
-        signal, note = _signal(channel, column.name, time, values, columns.step)
-        if signal.t.size:
-            signals[channel], notes = signal, notes + note
+        good = np.isfinite(values) & np.isfinite(time)
+        t, (x,) = increasing(time[good], values[good])
+        if t.size:
+            hold = channel == "throttle" or (columns.step and channel in ("pwm", "delta"))
+            signals[channel] = Signal(t, x, UNITS[channel], column.name, hold=hold)
+            if lost := known.size - int(np.sum(good)):
+                text = f"{channel} (column {column.name}): {lost} of {time.size} rows are no finite number"
+                notes.append(Note("warning", f"{text} and were left out"))
         elif channel in NEEDED:
             raise DataRefused(f"{name}: column {column.name} ({channel}) has no row with a finite number")
         else:
@@ -450,26 +439,3 @@ def _log(name: str, numbers: Mapping[str, Array], columns: ColumnMap, source: tu
         sources=(source,),
         whole=columns.whole,
     )
-
-
-def _time_notes(time: Array) -> Iterator[Note]:
-    known = time[np.isfinite(time)]
-    if known.size < time.size:
-        yield Note("warning", f"{time.size - known.size} rows have no time and were left out")
-    late = int(np.sum(np.diff(known) <= 0))
-    if late:
-        yield Note("warning", f"{late} rows are not later than the previous row and were left out")
-
-
-def _signal(channel: str, column: str, time: Array, values: Array, step: bool) -> tuple[Signal, list[Note]]:
-    good = np.isfinite(values) & np.isfinite(time)
-    t, (x,) = increasing(time[good], values[good])
-    lost = int(np.sum(np.isfinite(time)) - np.sum(good))
-    notes = [
-        Note(
-            "warning",
-            f"{channel} (column {column}): {lost} of {time.size} rows are no finite number and were left out",
-        )
-    ]
-    hold = channel == "throttle" or (step and channel in ("pwm", "delta"))
-    return Signal(t, x, UNITS[channel], column, hold=hold), notes if lost else []

@@ -218,33 +218,29 @@ def open_parts(path: str | Path) -> tuple[DataFlash, ...]:
 
     ArduPilot starts each log, and nothing else, with the format of FMT.
     """
-    data = _mapped(path)
+    data = np.memmap(path, dtype=np.uint8, mode="r") if Path(path).stat().st_size else np.empty(0, np.uint8)
     found = messages_of_type(data, FMT_TYPE, FMT_LENGTH)
     firsts = [at for at, message in found if message[3] == FMT_TYPE and message[4] == FMT_LENGTH]
     edges = [0, *firsts[1:], data.size]
     cuts = np.searchsorted([at for at, _ in found], edges).tolist()
     messages = [message for _, message in found]
     return tuple(
-        _indexed(data[a:b], messages[i:j])
+        index(data[a:b], messages[i:j])
         for (a, b), (i, j) in zip(pairwise(edges), pairwise(cuts), strict=True)
     )
 
 
-def _mapped(path: str | Path) -> NDArray[np.uint8]:
-    size = Path(path).stat().st_size
-    return np.memmap(path, dtype=np.uint8, mode="r") if size else np.empty(0, np.uint8)
+def index(data: NDArray[np.uint8], descriptions: list[bytes] | None = None) -> DataFlash:
+    """The formats and messages of a log in `data` (n,) bytes; no formats if it holds none.
 
-
-def index(data: NDArray[np.uint8]) -> DataFlash:
-    """The formats and messages of a log in `data` (n,) bytes; no formats if it holds none."""
-    return _indexed(data, [message for _, message in messages_of_type(data, FMT_TYPE, FMT_LENGTH)])
-
-
-def _indexed(data: NDArray[np.uint8], descriptions: list[bytes]) -> DataFlash:
-    """descriptions: the FMT messages."""
-    by_type = {
-        layout.type: layout for layout in _formats(descriptions).values()
-    }  # of two with one type, one is damaged
+    descriptions: its FMT messages, if they are known.
+    """
+    if descriptions is None:
+        descriptions = [message for _, message in messages_of_type(data, FMT_TYPE, FMT_LENGTH)]
+    known = {message: _format(message[3:]) for message in dict.fromkeys(descriptions)}
+    # damaged descriptions are ignored; the last of a name and of a type is used
+    by_name = {layout.name: layout for message in descriptions if (layout := known[message])}
+    by_type = {layout.type: layout for layout in by_name.values()}
     formats = {layout.name: layout for layout in by_type.values()}
     lengths = np.zeros(256, np.int64)
     for layout in formats.values():
@@ -254,7 +250,6 @@ def _indexed(data: NDArray[np.uint8], descriptions: list[bytes]) -> DataFlash:
     for stretch in stretches:
         counts += np.bincount(stretch.kinds, minlength=256)
     end = stretches[-1].end(lengths) if stretches else 0
-    breaks = sum(int(s.jumps.size) for s in stretches)
     return DataFlash(
         data,
         formats,
@@ -263,16 +258,9 @@ def _indexed(data: NDArray[np.uint8], descriptions: list[bytes]) -> DataFlash:
         counts,
         bad_bytes=int(data.size - counts @ lengths),
         tail_bytes=int(data.size - end),
-        breaks=breaks,
+        breaks=sum(int(s.jumps.size) for s in stretches),
         message_count=int(counts.sum()),
     )
-
-
-def _formats(descriptions: list[bytes]) -> dict[str, MessageFormat]:
-    """{name: format}; damaged FMT messages are ignored, the last of a name is used."""
-    known = {message: _format(message[3:]) for message in dict.fromkeys(descriptions)}
-    found = (known[message] for message in descriptions)
-    return {layout.name: layout for layout in found if layout is not None}
 
 
 def _format(body: bytes) -> MessageFormat | None:

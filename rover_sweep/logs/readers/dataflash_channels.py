@@ -25,6 +25,7 @@ from rover_sweep.logs.log import (
     firmware_of,
     increasing,
     joined_steering,
+    message_signals,
     output_channel,
     output_limits,
     refuse_disorder,
@@ -60,7 +61,9 @@ def read_dataflash(path: Path, filters: Mapping[str, float] | None = None) -> tu
 
 def _log(name: str, flash: DataFlash, filters: Mapping[str, float] | None, source: tuple[str, str]) -> Log:
     parameters = {name: value for _, name, value in logged_parameters(flash)}
-    marks = _marks(flash)
+    marks: tuple[tuple[float, str], ...] = ()
+    if flash.has_text("MSG", "Message"):
+        marks = tuple(zip(flash.seconds("MSG").tolist(), flash.text("MSG", "Message"), strict=True))
     firmware = firmware_of(marks)
     gyro, raw_gyro = _gyro(flash, parameters)
     accel, raw_accel = _accel(flash, parameters)
@@ -75,7 +78,9 @@ def _log(name: str, flash: DataFlash, filters: Mapping[str, float] | None, sourc
     swept = applet_output(flash, "SWET")
     if swept is not None:
         signals["throttle"] = joined_steering(swept, throttle)
-    fine = applet_output(flash, "SWEP")
+    fine, loops = applet_output(flash, "SWEP"), None
+    if flash.has("IMU"):
+        loops, _ = increasing(flash.seconds("IMU", _first_instance(flash, "IMU", "I")))
     steering = tuple(s for s in (fine and joined_steering(fine, coarse), coarse) if s is not None)
     if steering and (measured := servo_position(flash, channel, steering[0])) is not None:
         signals["servo"], note = measured
@@ -86,7 +91,7 @@ def _log(name: str, flash: DataFlash, filters: Mapping[str, float] | None, sourc
         steering=steering,
         applet=applet_rows(flash, "SWEP"),
         throttle_applet=applet_rows(flash, "SWET"),
-        loops=_loops(flash, parameters),
+        loops=None if loops is None else main_loops(loops, parameters),
         marks=marks,
         parameters=parameters,
         filters={c: f for c, f in known.items() if c in signals},
@@ -147,21 +152,10 @@ def _reading_notes(log: str, flash: DataFlash) -> Iterator[Note]:
             "log fewer messages (LOG_BITMASK) or use a faster card",
         )
     names = [n for n in ("IMU", "GYR", "XKF1", "SWEP", "RCOU") if flash.count(n)]
-    stamps = {n: _stamps(flash, n, _instance_rows(flash, n)) for n in names}
+    labels = {n: next((c for c in ("I", "C") if c in flash.formats[n].numbers), "") for n in names}
+    stamps = {n: _stamps(flash, n, _first_instance(flash, n, labels[n])) for n in names}
     refuse_disorder(log, stamps)
     yield from clock_notes(stamps)
-
-
-def _marks(flash: DataFlash) -> tuple[tuple[float, str], ...]:
-    if not flash.has_text("MSG", "Message"):
-        return ()
-    return tuple(zip(flash.seconds("MSG").tolist(), flash.text("MSG", "Message"), strict=True))
-
-
-def _instance_rows(flash: DataFlash, name: str) -> Rows:
-    """Rows of instance 0; the instance column is I or C."""
-    label = next((c for c in ("I", "C") if c in flash.formats[name].numbers), "")
-    return _first_instance(flash, name, label)
 
 
 def _first_instance(flash: DataFlash, name: str, instance: str, *columns: str, number: int = 0) -> Rows:
@@ -192,13 +186,7 @@ def _signals(
     flash: DataFlash, name: str, rows: Rows, channels: Mapping[str, tuple[str, float, str]]
 ) -> dict[str, Signal]:
     """Channels from one message type. channels: {channel: (column, factor, unit)}."""
-    t, columns = increasing(
-        _stamps(flash, name, rows), *(flash.column(name, c, rows) * f for c, f, _ in channels.values())
-    )
-    return {
-        channel: Signal(t, x, unit, f"{name}.{column}")
-        for (channel, (column, _, unit)), x in zip(channels.items(), columns, strict=True)
-    }
+    return message_signals(name, _stamps(flash, name, rows), channels, lambda c: flash.column(name, c, rows))
 
 
 def _gyro(flash: DataFlash, parameters: Mapping[str, float]) -> tuple[dict[str, Signal], bool]:
@@ -236,21 +224,18 @@ def _attitude(flash: DataFlash) -> dict[str, Signal]:
     if not flash.has("ATT", "Roll", "Yaw"):
         return {}
     degree = np.pi / 180
-    found = _signals(
-        flash,
-        "ATT",
-        _timed(flash, "ATT", "Roll", "Yaw"),
-        {"phi": ("Roll", degree, "rad"), "psi": ("Yaw", -degree, "rad")},
-    )
-    psi = found["psi"]
-    return found | {"psi": Signal(psi.t, np.unwrap(psi.x), "rad", psi.source)}
+    channels = {"phi": ("Roll", degree, "rad"), "psi": ("Yaw", -degree, "rad")}
+    return _signals(flash, "ATT", _timed(flash, "ATT", "Roll", "Yaw"), channels)
 
 
 def velocity(flash: DataFlash) -> dict[str, Signal]:
     """speed and vy [m/s] from the EKF's velocity and yaw; without EKF, speed from GPS."""
     for name in ("XKF1", "NKF1", "EKF1"):
         if flash.has(name, "VN", "VE", "Yaw"):
-            rows = _first_instance(flash, name, "C", "VN", "VE", "Yaw", number=_primary_core(flash))
+            core = 0
+            if flash.has("XKF4", "PI"):  # the core that was primary most of the time
+                core = int(np.bincount(flash.rows("XKF4", "PI")["PI"].astype(np.int64).clip(0)).argmax())
+            rows = _first_instance(flash, name, "C", "VN", "VE", "Yaw", number=core)
             t, (vn, ve, yaw) = increasing(
                 flash.seconds(name, rows), *(flash.column(name, c, rows) for c in ("VN", "VE", "Yaw"))
             )
@@ -259,13 +244,6 @@ def velocity(flash: DataFlash) -> dict[str, Signal]:
         rows = _first_instance(flash, "GPS", "I", "Spd")
         return _signals(flash, "GPS", rows, {"speed": ("Spd", 1.0, "m/s")})
     return {}
-
-
-def _primary_core(flash: DataFlash) -> int:
-    """The EKF core that was primary most of the time (XKF4.PI)."""
-    if not flash.has("XKF4", "PI"):
-        return 0
-    return int(np.bincount(flash.rows("XKF4", "PI")["PI"].astype(np.int64).clip(0)).argmax())
 
 
 def _output(flash: DataFlash, channel: int) -> Signal | None:
@@ -278,10 +256,3 @@ def _output(flash: DataFlash, channel: int) -> Signal | None:
         if flash.has("RCOU", column):
             return _signals(flash, "RCOU", _timed(flash, "RCOU", column), {"pwm": (column, 1.0, "us")})["pwm"]
     return None
-
-
-def _loops(flash: DataFlash, parameters: Mapping[str, float]) -> Array | None:
-    if not flash.has("IMU"):
-        return None
-    stamps, _ = increasing(flash.seconds("IMU", _first_instance(flash, "IMU", "I")))
-    return main_loops(stamps, parameters)

@@ -41,6 +41,11 @@ class Frames:
     def __len__(self) -> int:
         return int(self.rows.size)
 
+    @property
+    def fields(self) -> tuple[str, ...]:
+        """Names of the message's fields."""
+        return self.rows.dtype.names or ()
+
     def where(self, keep: NDArray[np.bool_] | NDArray[np.int64]) -> Frames:
         """The frames selected by a mask `keep` (n,), or by indices in their order."""
         return Frames(
@@ -54,17 +59,24 @@ class Frames:
 
 
 @dataclass(frozen=True)
-class Tlog:
-    """The requested messages of a .tlog by name, and counts of losses.
+class Walk:
+    """The positions of the frames of a .tlog.
 
-    frame_count: frames of all kinds. bad_bytes: bytes outside records. damaged: places where a frame was
-    lost to wrong bytes. size: of the file, bytes.
+    starts: byte offsets of the requested frames by message id. frame_count: all frames. damaged: places where
+    a frame was lost to wrong bytes. bad_bytes: bytes outside of records.
     """
 
-    messages: dict[str, Frames]
+    starts: dict[int, list[int]]
     frame_count: int
-    bad_bytes: int
     damaged: int
+    bad_bytes: int
+
+
+@dataclass(frozen=True)
+class Tlog(Walk):
+    """The requested messages of a .tlog by name, and counts of losses. size: of the file, bytes."""
+
+    messages: dict[str, Frames]
     size: int
 
 
@@ -78,11 +90,9 @@ def parse_tlog(data: bytes, names: frozenset[str]) -> Tlog:
     wanted = {_message(name).id: name for name in names}
     found = walk(data, frozenset(wanted))
     raw = np.frombuffer(data, np.uint8)
-    messages = {
-        wanted[number]: _decode(raw, np.array(starts, np.int64), wanted[number])
-        for number, starts in found.starts.items()
-    }
-    return Tlog(messages, found.frame_count, found.bad_bytes, found.damaged, len(data))
+    starts = {wanted[number]: np.array(at, np.int64) for number, at in found.starts.items()}
+    messages = {name: _decode(raw, at, name) for name, at in starts.items()}
+    return Tlog(found.starts, found.frame_count, found.damaged, found.bad_bytes, messages, len(data))
 
 
 def _message(name: str) -> Any:
@@ -105,20 +115,6 @@ def _dtype(name: str) -> np.dtype[np.void]:
             base = np.dtype(f"<{code}") if code not in "bB" else np.dtype("i1" if code == "b" else "u1")
             fields.append((field, base, (length,)) if length else (field, base))
     return np.dtype(fields)
-
-
-@dataclass(frozen=True)
-class Walk:
-    """The positions of the frames of a .tlog.
-
-    starts: byte offsets of the requested frames by message id. frame_count: all frames. damaged: places where
-    a frame was lost to wrong bytes. bad_bytes: bytes outside of records.
-    """
-
-    starts: dict[int, list[int]]
-    frame_count: int
-    damaged: int
-    bad_bytes: int
 
 
 def walk(data: bytes, wanted: frozenset[int] | None = None) -> Walk:

@@ -8,6 +8,7 @@ of 4.6.3 ArduPilot counts both since boot, and time_usec of SERVO_OUTPUT_RAW in 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -18,12 +19,12 @@ from rover_sweep.errors import DataRefused
 from rover_sweep.logs.log import (
     STEERING,
     THROTTLE,
-    Array,
     Log,
     body_velocity,
     clock_notes,
     firmware_of,
     increasing,
+    message_signals,
     output_channel,
     output_limits,
     refuse_disorder,
@@ -139,18 +140,15 @@ def messages_of_vehicle(
     component = np.bincount(hearts.component).argmax()
     kind = int(hearts.rows["type"][-1])
     own = {n: f.where((f.system == system) & (f.component == component)) for n, f in tlog.messages.items()}
-    notes = () if wanted is not None else tuple(_others(system, [n for n in recorded_systems if n != system]))
-    return KINDS.get(kind, f"vehicle of MAV_TYPE {kind}"), {n: f for n, f in own.items() if len(f)}, notes
-
-
-def _others(system: int, others: list[int]) -> Iterator[Note]:
-    if others:
-        names = " and ".join(f"system {number}" for number in others)
-        yield Note(
-            "warning",
-            f"The telemetry log holds several vehicles: system {system}, which is used, and {names}, which "
-            "is ignored; choose with --system N",
+    notes: tuple[Note, ...] = ()
+    others = " and ".join(f"system {number}" for number in recorded_systems if number != system)
+    if others and wanted is None:
+        text = (
+            f"The telemetry log holds several vehicles: system {system}, which is used, and {others}, which "
+            "is ignored; choose with --system N"
         )
+        notes = (Note("warning", text),)
+    return KINDS.get(kind, f"vehicle of MAV_TYPE {kind}"), {n: f for n, f in own.items() if len(f)}, notes
 
 
 def _log(
@@ -172,14 +170,19 @@ def _log(
     throttle = _output(session, output_channel(parameters, THROTTLE) or 3)
     if throttle is not None:
         signals["throttle"] = Signal(throttle.t, throttle.x, "us", throttle.source, hold=True)
-    firmware = firmware_of(marks) or _version(session)
+    firmware = firmware_of(marks)
+    if not firmware and "AUTOPILOT_VERSION" in session.messages:
+        number = int(session.messages["AUTOPILOT_VERSION"].rows["flight_sw_version"][-1])
+        firmware = f"V{number >> 24 & 255}.{number >> 16 & 255}.{number >> 8 & 255}"
+    clock = max((n for n in CLOCKS if n in session.messages), key=lambda n: _count(session, n))
+    t, (arrival,) = increasing(session.seconds(clock), session.messages[clock].arrival)
     if recorded is None and steering is not None:
         notes += (Note("info", "The telemetry log does not show which output steers: servo 1 is assumed"),)
     return Log(
         name=name,
         signals=signals,
         steering=(steering,) if steering is not None else (),
-        arrivals=_arrivals(session),
+        arrivals=(t, arrival),
         marks=marks,
         parameters=parameters,
         filters={c: f for c, f in filters.items() if c in signals},
@@ -192,33 +195,12 @@ def _log(
     )
 
 
-def _arrivals(session: BootMessages) -> tuple[Array, Array]:
-    """Vehicle's time (n,) [s] and recorder's time (n,) [s] of the most frequent message with a time."""
-    name = max((n for n in CLOCKS if n in session.messages), key=lambda n: _count(session, n))
-    t, (arrival,) = increasing(session.seconds(name), session.messages[name].arrival)
-    return t, arrival
-
-
-def _version(session: BootMessages) -> str:
-    """Firmware version from AUTOPILOT_VERSION, such as "V4.6.3"."""
-    if "AUTOPILOT_VERSION" not in session.messages:
-        return ""
-    number = int(session.messages["AUTOPILOT_VERSION"].rows["flight_sw_version"][-1])
-    return f"V{number >> 24 & 255}.{number >> 16 & 255}.{number >> 8 & 255}"
-
-
 def _signals(
     session: BootMessages, name: str, channels: Mapping[str, tuple[str, float, str]]
 ) -> dict[str, Signal]:
     """Channels from one message. channels: {channel: (field, factor, unit)}."""
     rows = session.messages[name].rows
-    t, columns = increasing(
-        session.seconds(name), *(rows[field].astype(float) * factor for field, factor, _ in channels.values())
-    )
-    return {
-        channel: Signal(t, x, unit, f"{name}.{field}")
-        for (channel, (field, _, unit)), x in zip(channels.items(), columns, strict=True)
-    }
+    return message_signals(name, session.seconds(name), channels, lambda field: rows[field])
 
 
 def _count(session: BootMessages, name: str) -> int:
@@ -249,9 +231,7 @@ def attitude(session: BootMessages) -> dict[str, Signal]:
     """phi and psi [rad]; psi unwrapped, left positive."""
     if "ATTITUDE" not in session.messages:
         return {}
-    found = _signals(session, "ATTITUDE", {"phi": ("roll", 1.0, "rad"), "psi": ("yaw", -1.0, "rad")})
-    psi = found["psi"]
-    return found | {"psi": Signal(psi.t, np.unwrap(psi.x), "rad", psi.source)}
+    return _signals(session, "ATTITUDE", {"phi": ("roll", 1.0, "rad"), "psi": ("yaw", -1.0, "rad")})
 
 
 def ground_velocity(session: BootMessages, psi: Signal | None) -> dict[str, Signal]:
@@ -281,10 +261,7 @@ def _output(session: BootMessages, channel: int) -> Signal | None:
     of_port = frames.rows["port"] == (channel - 1) // 16
     if not np.any(of_port):
         return None
-    t, x = (
-        session.seconds("SERVO_OUTPUT_RAW"),
-        frames.rows[f"servo{(channel - 1) % 16 + 1}_raw"].astype(float),
-    )
-    t, (x,) = increasing(t[of_port], x[of_port])
+    x = frames.rows[f"servo{(channel - 1) % 16 + 1}_raw"].astype(float)
+    t, (x,) = increasing(session.seconds("SERVO_OUTPUT_RAW")[of_port], x[of_port])
     signal = Signal(t, x, "us", f"SERVO_OUTPUT_RAW.servo{channel}_raw")
-    return Signal(t, x, "us", signal.source, hold=signal.rate > EVERY_STEP)
+    return replace(signal, hold=signal.rate > EVERY_STEP)

@@ -54,12 +54,11 @@ class BootMessages:
     def seconds(self, name: str) -> Array:
         """Vehicle time (n,) [s] of each message of a name; without a time, that of the previous message."""
         frames = self.messages[name]
-        fields = frames.rows.dtype.names or ()
-        if "time_boot_ms" in fields:
+        if "time_boot_ms" in frames.fields:
             return frames.rows["time_boot_ms"].astype(float) * 1e-3
         k = np.clip(np.searchsorted(self.clock_order, frames.order, "right") - 1, 0, None)
         before = self.clock[k]
-        if "time_usec" not in fields:
+        if "time_usec" not in frames.fields:
             return before
         t = frames.rows["time_usec"].astype(float) * 1e-6
         return t + WRAP * np.round((before - t) / WRAP) if frames.rows["time_usec"].itemsize == 4 else t
@@ -91,7 +90,8 @@ def sessions(messages: Mapping[str, Frames]) -> Iterator[BootMessages]:
     if not clocks:
         return
     order = np.concatenate([f.order for f in clocks])
-    times = np.concatenate([_own_time(f) for f in clocks])
+    own = [("time_boot_ms", 1e-3) if "time_boot_ms" in f.fields else ("time_usec", 1e-6) for f in clocks]
+    times = np.concatenate([f.rows[n].astype(float) * unit for f, (n, unit) in zip(clocks, own, strict=True)])
     sorting = np.argsort(order)
     order, times = order[sorting], times[sorting]
     edges = [-1, *order[_restarts(times)].tolist(), int(np.iinfo(np.int64).max)]
@@ -100,7 +100,8 @@ def sessions(messages: Mapping[str, Frames]) -> Iterator[BootMessages]:
         parts = {n: f.where((f.order >= start) & (f.order < end)) for n, f in single.items()}
         clock = np.maximum.accumulate(times[inside])  # a late message does not move it back
         session = BootMessages({n: f for n, f in parts.items() if len(f)}, order[inside], clock)
-        yield replace(session, messages={n: _in_order(session, n) for n in session.messages})
+        sorting = {n: np.argsort(session.seconds(n), kind="stable") for n in session.messages}
+        yield replace(session, messages={n: session.messages[n].where(k) for n, k in sorting.items()})
 
 
 def _restarts(times: Array) -> NDArray[np.int64]:
@@ -111,11 +112,6 @@ def _restarts(times: Array) -> NDArray[np.int64]:
     falls = np.flatnonzero(np.diff(times) < -REBOOT) + 1
     stays = [k for k in falls if np.max(times[k : k + CONFIRMING]) < times[k - 1] - REBOOT]
     return np.array(stays, np.int64)
-
-
-def _in_order(session: BootMessages, name: str) -> Frames:
-    frames = session.messages[name]
-    return frames.where(np.argsort(session.seconds(name), kind="stable"))
 
 
 def _without_repeats(frames: Frames) -> Frames:
@@ -134,12 +130,6 @@ def _without_repeats(frames: Frames) -> Frames:
     return frames.where(keep)
 
 
-def _own_time(frames: Frames) -> Array:
-    if "time_boot_ms" in (frames.rows.dtype.names or ()):
-        return frames.rows["time_boot_ms"].astype(float) * 1e-3
-    return frames.rows["time_usec"].astype(float) * 1e-6
-
-
 # Merges a DataFlash log and the telemetry log of the same drive.
 
 
@@ -153,12 +143,15 @@ def paired(flash: Log, telemetry: tuple[Log, ...]) -> Log:
     are of one drive. DataRefused when they are not.
     """
     match = max(telemetry, key=lambda log: overlap(flash, log))
+    (a, b), (c, d) = extent(flash), extent(match)
     if overlap(flash, match) < 1.0:
         raise DataRefused(
-            f"{flash.name} ({_extent(flash)}) and {match.name} ({_extent(match)}) have no vehicle time "
-            "in common: give the two logs of one drive"
+            f"{flash.name} ({a:.0f} to {b:.0f} s after boot) and {match.name} ({c:.0f} to {d:.0f} s after "
+            "boot) have no vehicle time in common: give the two logs of one drive"
         )
-    difference, spread = _disagreement(flash, match)
+    difference = spread = 0.0
+    if flash.steering and match.steering:
+        difference, spread = disagreement(flash.steering[-1], match.steering[0])
     if are_different(difference, spread):
         raise DataRefused(
             f"{flash.name} and {match.name} are not of one drive: their steering outputs differ by "
@@ -166,10 +159,21 @@ def paired(flash: Log, telemetry: tuple[Log, ...]) -> Log:
         )
     filters, _ = sensor_filters(flash.parameters, None)
     borrowed = {c: s for c, s in match.signals.items() if c not in flash.signals}
+    notes = [Note("info", f"{c} comes from the telemetry log") for c in borrowed]
+    uncovered = c > a + UNCOVERED or d < b - UNCOVERED
+    if flash.applet is None and match.steering and uncovered:  # runs may be missed
+        text = (
+            f"The telemetry log covers {c:.0f} to {d:.0f} s of the log's {a:.0f} to {b:.0f} s: "
+            "runs outside are left out"
+        )
+        notes.append(Note("warning", text))
+    # best first: the applet's staircase, then the others by sampling rate
+    steering = sorted((*flash.steering, *match.steering), key=lambda s: -s.rate)
+    staircase = [s for s in flash.steering if s.hold]
     return Log(
         name=flash.name,
         signals={**flash.signals, **borrowed},
-        steering=ranked_steering(flash, match),
+        steering=(*staircase, *(s for s in steering if s not in staircase)),
         applet=flash.applet,
         loops=flash.loops,
         marks=flash.marks or match.marks,
@@ -178,33 +182,9 @@ def paired(flash: Log, telemetry: tuple[Log, ...]) -> Log:
         limits=flash.limits or match.limits,
         vehicle=flash.vehicle or match.vehicle,
         firmware=flash.firmware or match.firmware,
-        notes=(
-            *flash.notes,
-            *(Note("info", f"{c} comes from the telemetry log") for c in borrowed),
-            *_coverage(flash, match),
-        ),
+        notes=(*flash.notes, *notes),
         sources=flash.sources + match.sources,
     )
-
-
-def _coverage(flash: Log, telemetry: Log) -> Iterator[Note]:
-    """A warning when the steering is known for a part of the log only, so runs may be missed."""
-    if flash.applet is not None or not telemetry.steering:
-        return
-    (a, b), (c, d) = extent(flash), extent(telemetry)
-    if c > a + UNCOVERED or d < b - UNCOVERED:
-        yield Note(
-            "warning",
-            f"The telemetry log covers {c:.0f} to {d:.0f} s of the log's {a:.0f} to {b:.0f} s: "
-            "runs outside are left out",
-        )
-
-
-def ranked_steering(flash: Log, telemetry: Log) -> tuple[Signal, ...]:
-    """The steering outputs, best first: the applet's staircase, then the others by sampling rate."""
-    own = [s for s in flash.steering if s.hold]
-    sampled = [s for s in (*flash.steering, *telemetry.steering) if s not in own]
-    return (*own, *sorted(sampled, key=lambda s: -s.rate))
 
 
 def overlap(one: Log, other: Log) -> float:
@@ -219,18 +199,6 @@ def extent(log: Log) -> tuple[float, float]:
     return min((float(s.t[0]) for s in signals), default=0.0), max(
         (float(s.t[-1]) for s in signals), default=0.0
     )
-
-
-def _extent(log: Log) -> str:
-    start, end = extent(log)
-    return f"{start:.0f} to {end:.0f} s after boot"
-
-
-def _disagreement(flash: Log, telemetry: Log) -> tuple[float, float]:
-    """(rms difference, standard deviation) [us] of the steering outputs where both have one."""
-    if not flash.steering or not telemetry.steering:
-        return 0.0, 0.0
-    return disagreement(flash.steering[-1], telemetry.steering[0])
 
 
 # Time-stamps commands at the main loop that applied them.
