@@ -109,9 +109,6 @@ def band_words(band: tuple[float, float] | None) -> str:
     return f"{band[0]:.2g} - {band[1]:.3g}" if band else "none"
 
 
-HEADINGS = ("parameter", "value", "unit", "90 % interval", "meaning")
-
-
 class _Named(Protocol):
     """Anything with a name."""
 
@@ -123,12 +120,11 @@ class _Named(Protocol):
 T = TypeVar("T", bound=_Named)
 
 
-class ByName(tuple[T, ...]):
+class ByName(Shown, tuple[T, ...]):
     """A tuple whose items are also found by their names.
 
-    >>> from rover_sweep.data.results import ByName
-    >>> from rover_sweep.data.results import Intervals
-    >>> one, two = (Intervals(name, 0.03, 0.04, 0.9, 0.002, 0.0, 200, 0) for name in ("C", "tau"))
+    >>> from rover_sweep.data.results import ByName, Quantity
+    >>> one, two = (Quantity(name, "s", 0.035, 0.03, 0.04) for name in ("C", "tau"))
     >>> both = ByName((one, two))
     >>> both["tau"].high, both[0].name, "C" in both, both.keys()
     (0.04, 'C', True, ('C', 'tau'))
@@ -168,15 +164,9 @@ class ByName(tuple[T, ...]):
             )
             for item in self
         )
-        return ShortTable(
-            title or f"{len(self)} parameter{'s' if len(self) != 1 else ''}", HEADINGS, rows, notes
-        )
-
-    def __repr__(self) -> str:
-        return str(self.table())
-
-    def _repr_html_(self) -> str:
-        return self.table().html()
+        headings = ("parameter", "value", "unit", "90 % interval", "meaning")
+        count = f"{len(self)} parameter{'s' if len(self) != 1 else ''}"
+        return ShortTable(title or count, headings, rows, notes)
 
 
 def _interval(item: Any) -> str:
@@ -185,7 +175,7 @@ def _interval(item: Any) -> str:
     return "" if ends is None or ends == (None, None) else " to ".join(plain_number(x) for x in ends)
 
 
-# Confidence interval of a parameter, from the bootstrap and from errors of a tyre model's structure.
+# A number with its interval.
 
 
 LEVEL = 0.90  # coverage
@@ -221,23 +211,3 @@ def ends_words(low: float | None, high: float | None, digits: int = 3) -> str:
         return f"from {number(low, digits)}"
     last = number(high, digits)
     return f"to {last}" if low is None else f"{number(low, digits)} to {last}"
-
-
-@dataclass(frozen=True)
-class Intervals(PlainNumbers):
-    """Interval low..high of one parameter at `level` (0..1), in its unit; sd: of the estimate.
-
-    bias: of the method; the interval of the noise is corrected for it, then widened to hold the estimate.
-    sd and bias are those of the noise, also where low and high include errors of the structure. replicates:
-    number that converged; failed: number that did not. low, high, sd and bias are nan when more than half
-    failed.
-    """
-
-    name: str
-    low: float
-    high: float
-    level: float
-    sd: float
-    bias: float
-    replicates: int
-    failed: int

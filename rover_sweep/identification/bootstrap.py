@@ -23,12 +23,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cache
+from math import isfinite, nan
 
 import numpy as np
 
 from rover_sweep.data.geometry import FRICTION, GRAVITY
 from rover_sweep.data.recording import Array, Recording
-from rover_sweep.data.results import LEVEL, Intervals
+from rover_sweep.data.results import LEVEL, ByName, Quantity
 from rover_sweep.identification.fit import Condition, Estimate, FitResult, restricted
 from rover_sweep.identification.grouping import Group, Settings
 from rover_sweep.identification.handling import (
@@ -39,8 +40,8 @@ from rover_sweep.identification.handling import (
 )
 from rover_sweep.identification.model_results import ModelResult
 from rover_sweep.identification.models import LAG, lagged_fit
-from rover_sweep.identification.modes import mode_values
-from rover_sweep.identification.refit import GroupReplicator, Known, logarithmic, refitted_replicates
+from rover_sweep.identification.modes import mode_quantities, mode_values
+from rover_sweep.identification.refit import GroupReplicator, Known, refitted_replicates
 from rover_sweep.spectra.side_by_side import side_by_side
 
 SEED = 0
@@ -58,14 +59,12 @@ class Bootstrap:
         found: Known = {} if known is None else known
         self.groups = [GroupReplicator(g, c, found) for g, c in zip(groups, conditions, strict=True)]
 
-    def intervals(
-        self, fit: FitResult, replicates: int = 200, level: float = LEVEL, seed: int = SEED
-    ) -> tuple[Intervals, ...]:
-        """Intervals of the free parameters of a fit to these conditions, reproducible for a seed.
+    def intervals(self, fit: FitResult, replicates: int = 200, seed: int = SEED) -> ByName[Estimate]:
+        """The free parameters of a fit with their intervals, reproducible for a seed.
 
-        level: coverage, 0..1. fit must be the optimum for the conditions of this bootstrap.
+        fit must be the optimum for the conditions of this bootstrap.
         """
-        return of_parameters(fit, self.estimates(fit, replicates, seed), level)
+        return of_parameters(fit, self.estimates(fit, replicates, seed))
 
     def estimates(self, fit: FitResult, replicates: int, seed: int) -> Array:
         """theta_b (replicates, n_free) in parameter units; nan in rows where the refit diverged."""
@@ -75,20 +74,22 @@ class Bootstrap:
         return refitted_replicates(fit.structure, conditions, made)
 
 
-def of_parameters(fit: FitResult, thetas: Array, level: float) -> tuple[Intervals, ...]:
-    """Intervals of the free parameters from their replicates (n, n_free), nan in rows that diverged."""
-    log = logarithmic(fit.structure)
+def of_parameters(fit: FitResult, thetas: Array) -> ByName[Estimate]:
+    """The free parameters with intervals from their replicates (n, n_free), nan in rows that diverged."""
     ok = np.all(np.isfinite(thetas), axis=1)
-    found = [
-        _interval(p.name, p.value, bool(log[i]), thetas[ok, i], level, int(np.sum(~ok)))
-        for i, p in enumerate(fit.structure.free)
-    ]
-    limits = zip(found, fit.structure.free, strict=True)
-    return tuple(replace(i, low=max(i.low, p.lower), high=min(i.high, p.upper)) for i, p in limits)
+    failed, out = int(np.sum(~ok)), []
+    for p, theta in zip(fit.structure.free, thetas[ok].T, strict=True):
+        e, (low, high) = fit[p.name], _interval(p.value, p.lower > 0, theta, failed)
+        sd = bias = nan
+        if isfinite(low):
+            sd, bias = float(np.std(theta, ddof=1)), float(np.mean(theta) - p.value)
+        e = replace(e, low=max(low, p.lower), high=min(high, p.upper), sd=sd, bias=bias)
+        out.append(replace(e, replicates=theta.size, failed=failed))
+    return ByName(out)
 
 
-def of_modes(fit: FitResult, thetas: Array, level: float) -> tuple[Intervals, ...]:
-    """Intervals of the fit's modes from the same replicates; one without a mode counts as diverged."""
+def of_modes(fit: FitResult, thetas: Array) -> tuple[Quantity, ...]:
+    """The fit's modes with intervals from the same replicates; one without a mode counts as diverged."""
     names = [p.name for p in fit.structure.free]
     ok = thetas[np.all(np.isfinite(thetas), axis=1)]
     moved = [
@@ -96,27 +97,25 @@ def of_modes(fit: FitResult, thetas: Array, level: float) -> tuple[Intervals, ..
         for theta in ok
     ]
     out = []
-    for name, value in mode_values(fit.structure, fit.speed).items():
-        having = np.array([m[name] for m in moved if name in m])
-        log = value > 0 and bool(np.all(having > 0))
-        out.append(_interval(name, value, log, having, level, len(thetas) - having.size))
+    for mode in mode_quantities(fit.structure, fit.speed):
+        having = np.array([m[mode.name] for m in moved if mode.name in m])
+        log = mode.value > 0 and bool(np.all(having > 0))
+        low, high = _interval(mode.value, log, having, len(thetas) - having.size)
+        out.append(replace(mode, low=low, high=high))
     return tuple(out)
 
 
-def _interval(name: str, best: float, log: bool, theta: Array, level: float, failed: int) -> Intervals:
+def _interval(best: float, log: bool, theta: Array, failed: int) -> tuple[float, float]:
     """The basic interval of the module's text, widened to hold the estimate where the bias is larger.
 
-    theta (n,): replicates; failed: number that diverged.
+    theta (n,): replicates; failed: number that diverged; nan when it is more than half.
     """
     if theta.size < max(2, failed):
-        return Intervals(name, np.nan, np.nan, level, np.nan, np.nan, theta.size, failed)
+        return nan, nan
     x, middle = (np.log(theta), np.log(best)) if log else (theta, best)
-    low, high = 2 * middle - np.quantile(x, [(1 + level) / 2, (1 - level) / 2])
+    low, high = 2 * middle - np.quantile(x, [(1 + LEVEL) / 2, (1 - LEVEL) / 2])
     ends = np.exp((low, high)) if log else np.array((low, high))
-    sd, bias = float(np.std(theta, ddof=1)), float(np.mean(theta) - best)
-    return Intervals(
-        name, float(min(ends[0], best)), float(max(ends[1], best)), level, sd, bias, theta.size, failed
-    )
+    return float(min(ends[0], best)), float(max(ends[1], best))
 
 
 # Intervals that also hold what the model's structure leaves out.
@@ -156,29 +155,31 @@ def with_structural_error(found: FitResult, conditions: Sequence[Condition], los
 
     conditions: data of the fit. loss: see `stiffness_loss`. sd and bias stay those of the bootstrap.
     """
-    if not has_handling(found.structure) or not any(e.interval for e in found.estimates):
+    if not has_handling(found.structure) or not any(e.interval_90 for e in found.estimates):
         return found
-    lagged = _usable(lagged_fit(found, conditions), found)
+    lagged = lagged_fit(found, conditions)
+    stuck = any(e.at_bound for e in lagged.estimates if e.name not in (LAG.name, DELAY))
+    usable = not stuck and lagged.average <= found.average * (1 + 1e-3)  # not in a worse minimum
+    with_lag = lagged if usable else None
     return replace(
         found,
-        estimates=tuple(_widened(e, found, lagged, loss) for e in found.estimates),
-        mode_intervals=tuple(_widened_mode(i, found, lagged, loss) for i in found.mode_intervals),
+        estimates=tuple(_widened(e, found, with_lag, loss) for e in found.estimates),
+        mode_intervals=tuple(_widened_mode(i, found, with_lag, loss) for i in found.mode_intervals),
     )
 
 
-def _usable(lagged: FitResult, found: FitResult) -> FitResult | None:
-    """The refit, None where it ended in a worse minimum or ran to a bound."""
-    stuck = any(e.at_bound for e in lagged.estimates if e.name not in (LAG.name, DELAY))
-    return None if stuck or not lagged.average <= found.average * (1 + 1e-3) else lagged
-
-
 def _widened(e: Estimate, found: FitResult, lagged: FitResult | None, loss: float) -> Estimate:
-    if e.interval is None or not np.isfinite((e.interval.low, e.interval.high)).all():
+    if e.low is None or e.high is None or not isfinite(e.low + e.high):
         return e
-    i = e.interval
-    ends = [i.low, i.high, e.value]
-    if lagged is not None:
-        ends += _about(e, i, lagged)
+    ends = [e.low, e.high, e.value]
+    if lagged is not None:  # about the refit's estimate: in proportion, of a delay by the difference
+        values = lagged.structure.values
+        if e.name == DELAY:
+            moved = values[DELAY] + values[LAG.name] - e.value
+            ends += [e.low + moved, e.high + moved]
+        else:
+            share = values[e.name] / e.value if e.value else 1.0
+            ends += [e.low * share, e.high * share]
     low, high = min(ends), max(ends)
     if e.name == DELAY:
         low, high = low - TIMING, high + TIMING
@@ -189,15 +190,17 @@ def _widened(e: Estimate, found: FitResult, lagged: FitResult | None, loss: floa
     if e.name == "Izz" and found.structure.name == "bicycle":
         high *= 1 + ROLL_LEFT_OUT
     p = next(p for p in found.structure.free if p.name == e.name)
-    return replace(e, interval=replace(i, low=max(low, p.lower), high=min(high, p.upper)))
+    return replace(e, low=max(low, p.lower), high=min(high, p.upper))
 
 
-def _widened_mode(i: Intervals, found: FitResult, lagged: FitResult | None, loss: float) -> Intervals:
+def _widened_mode(i: Quantity, found: FitResult, lagged: FitResult | None, loss: float) -> Quantity:
     """As the parameters': about the refit's mode too, and what tyres lose, which slows the yaw mode."""
-    value, ends = mode_values(found.structure, found.speed)[i.name], [i.low, i.high]
+    if i.low is None or i.high is None:
+        return i
+    ends = [i.low, i.high]
     if lagged is not None:
         there = mode_values(found.structure.with_values(lagged.structure.values), found.speed)
-        share = there.get(i.name, value) / value
+        share = there.get(i.name, i.value) / i.value
         ends += [i.low * share, i.high * share]
     low, high = min(ends), max(ends)
     low, high = low - SCALE_ERROR * abs(low), high + SCALE_ERROR * abs(high)
@@ -206,16 +209,6 @@ def _widened_mode(i: Intervals, found: FitResult, lagged: FitResult | None, loss
     if i.name == "yaw_time_constant":
         low *= 1 - loss
     return replace(i, low=low, high=high)
-
-
-def _about(e: Estimate, i: Intervals, lagged: FitResult) -> list[float]:
-    """The interval's ends about the estimate of the refit: in proportion, of a delay by the difference."""
-    values = lagged.structure.values
-    if e.name == DELAY:
-        moved = values[DELAY] + values[LAG.name] - e.value
-        return [i.low + moved, i.high + moved]
-    share = values[e.name] / e.value if e.value else 1.0
-    return [i.low * share, i.high * share]
 
 
 # Bootstrap intervals of all models that were identified from the same runs.
@@ -251,7 +244,10 @@ def with_intervals(
         )
 
     def bootstrapped(model: ModelResult) -> ModelResult:
-        found = _with_bootstrap(model.fit, of(model), settings.bootstrap)
+        thetas = of(model).estimates(model.fit, settings.bootstrap, SEED)
+        made = dict(of_parameters(model.fit, thetas).items())
+        every = tuple(made.get(e.name, e) for e in model.fit.estimates)
+        found = replace(model.fit, estimates=every, mode_intervals=of_modes(model.fit, thetas))
         if not settings.as_paper:
             conditions = [g.condition(tuple(found.costs)) for g in groups]
             found = with_structural_error(found, conditions, loss)
@@ -260,10 +256,3 @@ def with_intervals(
     for model in models.values():  # before the threads, which would build the same one twice
         of(model)
     return dict(zip(models, side_by_side(bootstrapped, list(models.values())), strict=True))
-
-
-def _with_bootstrap(fit: FitResult, bootstrap: Bootstrap, replicates: int) -> FitResult:
-    thetas = bootstrap.estimates(fit, replicates, SEED)
-    found = {i.name: i for i in of_parameters(fit, thetas, LEVEL)}
-    estimates = tuple(replace(e, interval=found.get(e.name)) for e in fit.estimates)
-    return replace(fit, estimates=estimates, mode_intervals=of_modes(fit, thetas, LEVEL))

@@ -11,7 +11,7 @@ import numpy as np
 from rover_sweep.data.recording import Array, LowPass
 from rover_sweep.errors import missing_extra
 from rover_sweep.identification.fit import FitResult
-from rover_sweep.identification.state_space import ModelStructure
+from rover_sweep.identification.state_space import ModelStructure, held_input
 from rover_sweep.spectra.response import FrequencyResponse
 
 if TYPE_CHECKING:
@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     import scipy.signal
 
 System = tuple[Array, Array, Array, Array]  # A (nx, nx), B (nx, nu), C (ny, nx), D (ny, nu)
+GAIN: System = np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.ones((1, 1))  # of 1
 
 
 class HasFit(Protocol):
@@ -93,7 +94,7 @@ def to_scipy(
         return StateSpace(*_series(_series(before, rover), after))
     if not dt > 0:
         raise ValueError(f"dt is {dt} s; it must be above 0")
-    late = [_value(structure, structure.input_delays.get(name)) for name in structure.inputs]
+    late = [structure.delay(name) for name in structure.inputs]
     return StateSpace(*_sampled(_series(rover, after), late, dt), dt=dt)
 
 
@@ -113,18 +114,13 @@ def _structure_and_speed(
     return fit.structure, fit.speed if speed is None else speed
 
 
-def _value(structure: ModelStructure, name: str | None) -> float:
-    return structure.values[name] if name else 0.0
-
-
 def _parts(
     structure: ModelStructure, speed: float, order: int, sensors: Mapping[str, LowPass]
 ) -> tuple[System, System, System]:
     """Systems in series: delays of the inputs, the structure, delays and sensors of the outputs."""
-    delays, late = structure.input_delays, structure.output_delays
-    before = [_delay(_value(structure, delays.get(name)), order) for name in structure.inputs]
+    before = [_delay(structure.delay(name), order) for name in structure.inputs]
     after = [
-        _series(_delay(_value(structure, late.get(name)), order), _low_pass(sensors.get(name)))
+        _series(_delay(structure.delay(name), order), _low_pass(sensors.get(name)))
         for name in structure.outputs
     ]
     return _parallel(before), structure.matrices(speed).state_space(), _parallel(after)
@@ -148,25 +144,21 @@ def pade_delay(tau: float, order: int) -> tuple[Array, Array]:
 def _delay(tau: float, order: int) -> System:
     if order < 0:
         raise ValueError(f"pade {order} must be 0 or more")
-    return _gain() if tau <= 0 or order == 0 else _realised(*pade_delay(tau, order))
+    return GAIN if tau <= 0 or order == 0 else _realised(*pade_delay(tau, order))
 
 
 def _low_pass(known: LowPass | None) -> System:
     if known is None:
-        return _gain()
+        return GAIN
     w0 = 2 * np.pi * known.cutoff_hz
     return _realised(np.array([w0**2]), np.array([1.0, np.sqrt(2) * w0, w0**2]))
-
-
-def _gain() -> System:
-    return np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.ones((1, 1))
 
 
 def _realised(num: Array, den: Array) -> System:
     from scipy.signal import tf2ss
 
-    a, b, c, d = tf2ss(num, den)
-    return a, b, c, d
+    system: System = tf2ss(num, den)
+    return system
 
 
 def _parallel(parts: Sequence[System]) -> System:
@@ -202,27 +194,16 @@ def _sampled(system: System, late: Sequence[float], dt: float) -> System:
     size = nx + sum(kept)
     # columns: all states, then all inputs
     step, out = np.zeros((size, size + nu)), np.zeros((len(c), size + nu))
-    step[:nx, :nx], out[:, :nx] = _held(a, b, dt)[0], c
+    step[:nx, :nx], out[:, :nx] = held_input(a, b, dt)[0], c
     first = nx
     for i in range(nu):
         past = [size + i, *range(first, first + kept[i])]  # columns of u(k), u(k-1), ...
         new, old = past[whole[i]], past[kept[i]]
-        carry, early = _held(a, b[:, [i]], dt - rest[i])
+        carry, early = held_input(a, b[:, [i]], dt - rest[i])
         step[:nx, new] += early[:, 0]
-        step[:nx, old] += (carry @ _held(a, b[:, [i]], rest[i])[1])[:, 0]
+        step[:nx, old] += (carry @ held_input(a, b[:, [i]], rest[i])[1])[:, 0]
         out[:, old] += d[:, i]
         for j in range(kept[i]):
             step[past[j + 1], past[j]] = 1.0
         first += kept[i]
     return step[:, :size], step[:, size:], out[:, :size], out[:, size:]
-
-
-def _held(a: Array, b: Array, time: float) -> tuple[Array, Array]:
-    """exp(a t) and its integral times b, for an input held for `time` [s]."""
-    from scipy.linalg import expm
-
-    n, m = b.shape
-    block = np.zeros((n + m, n + m))
-    block[:n, :n], block[:n, n:] = a, b
-    moved = expm(block * time)
-    return moved[:n, :n], moved[:n, n:]

@@ -24,7 +24,6 @@ from scipy.optimize import least_squares
 from rover_sweep.data.recording import Array, LowPass
 from rover_sweep.data.results import (
     ByName,
-    Intervals,
     PlainNumbers,
     Quantity,
     ShortTable,
@@ -211,40 +210,27 @@ AT_BOUND = 1e-6  # distance from a bound, in the unit of the parameter
 NO_DELAY = 1e-3  # s
 
 
-@dataclass(frozen=True, eq=False)
-class Estimate(PlainNumbers):
-    """A parameter after the fit: value, lower and upper bound in `unit`.
+@dataclass(frozen=True)
+class Estimate(Quantity):
+    """A parameter after the fit, with the interval of the bootstrap where one was requested.
 
+    The interval of the noise is corrected for the method's bias, then widened to hold the estimate; of the
+    bicycle and roll-yaw model it includes errors of the structure, see `with_structural_error`. low, high, sd
+    and bias are nan when more than half of the replicates failed.
     cr_percent, insensitivity_percent: equations (13) and (14) in % of |value|, None for a fixed parameter
     and infinite for a value of 0. at_bound: where the fit ran into a bound; a delay of 0 is a result.
-    interval: confidence interval by the bootstrap, None unless requested; of the bicycle and roll-yaw model
-    it includes errors of the structure, see `structural_error`.
+    sd, bias: standard deviation of the estimate and bias of the method by the bootstrap, of the noise alone.
+    replicates: number that converged; failed: number that did not.
     """
 
-    name: str
-    unit: str
-    value: float
-    free: bool
-    cr_percent: float | None
-    insensitivity_percent: float | None
+    free: bool = True
+    cr_percent: float | None = None
+    insensitivity_percent: float | None = None
     at_bound: bool = False
-    meaning: str = ""
-    interval: Intervals | None = None
-
-    @property
-    def interval_90(self) -> tuple[float, float] | None:
-        """(low, high) of the 90 % interval, in `unit`; None without a bootstrap."""
-        return (self.interval.low, self.interval.high) if self.interval else None
-
-    @property
-    def sd(self) -> float | None:
-        """Standard deviation of the estimate by the bootstrap, in `unit`; None without one."""
-        return self.interval.sd if self.interval else None
-
-    @property
-    def bias(self) -> float | None:
-        """Bias of the method by the bootstrap, in `unit`; None without one."""
-        return self.interval.bias if self.interval else None
+    sd: float | None = None
+    bias: float | None = None
+    replicates: int = 0
+    failed: int = 0
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -265,8 +251,8 @@ class FitResult(PlainNumbers, Shown):
     """Number of starting points of the fit."""
     rivals: tuple[float, ...] = ()
     """J_ave of each start that ended in another local minimum with a cost low enough to be accepted."""
-    mode_intervals: tuple[Intervals, ...] = ()
-    """Of the quantities of `modes`, by the bootstrap."""
+    mode_intervals: tuple[Quantity, ...] = ()
+    """The quantities of `modes` with intervals by the bootstrap."""
 
     @property
     def parameters(self) -> ByName[Estimate]:
@@ -289,9 +275,16 @@ class FitResult(PlainNumbers, Shown):
     def table(self) -> ShortTable:
         """The free parameters with 90 % intervals, else CR and I; the fixed ones, the costs."""
         free = [e for e in self.estimates if e.free]
-        known = any(e.interval for e in free)
+        known = any(e.interval_90 for e in free)
         rows = tuple(
-            (e.name, plain_number(e.value), e.unit, *((_ends(e),) if known else _accuracies(e))) for e in free
+            (
+                e.name,
+                plain_number(e.value),
+                e.unit,
+                *((ends_words(e.low, e.high, 4),) if known else ()),
+                *(() if known else (plain_number(e.cr_percent, 3), plain_number(e.insensitivity_percent, 3))),
+            )
+            for e in free
         )
         fixed = ", ".join(f"{e.name} {plain_number(e.value)} {e.unit}" for e in self.estimates if not e.free)
         costs = ", ".join(f"{output} {j:.1f}" for output, j in self.costs.items())
@@ -301,16 +294,6 @@ class FitResult(PlainNumbers, Shown):
             rows,
             (f"fixed: {fixed or 'none'}", f"J: {costs}; average {self.average:.1f}"),
         )
-
-
-def _ends(e: Estimate) -> str:
-    """The 90 % interval as text."""
-    return ends_words(*e.interval_90, 4) if e.interval_90 else "-"
-
-
-def _accuracies(e: Estimate) -> tuple[str, str]:
-    """CR and insensitivity in percent as texts."""
-    return plain_number(e.cr_percent, 3), plain_number(e.insensitivity_percent, 3)
 
 
 def accuracy(structure: ModelStructure, conditions: Sequence[Condition]) -> tuple[Array, Array]:
@@ -336,16 +319,6 @@ def covariance(structure: ModelStructure, conditions: Sequence[Condition]) -> Ar
         except np.linalg.LinAlgError:
             return np.full((scale.size, scale.size), np.inf)
         return np.asarray(2 * inverse / np.outer(scale, scale))
-
-
-def _vector(structure: ModelStructure) -> tuple[Array, Array, Array, np.ndarray]:
-    """Start, lower and upper bounds, mask of the positive parameters, all (n_free,); those as logarithms."""
-    free = structure.free
-    log = np.array([p.lower > 0 for p in free])
-    start, low, high = np.array([(p.value, p.lower, p.upper) for p in free], dtype=float).T.copy()
-    for a in (start, low, high):
-        a[log] = np.log(a[log])
-    return start, low, high, log
 
 
 def fit(
@@ -384,10 +357,15 @@ def evaluated(structure: ModelStructure, conditions: Sequence[Condition], spread
             p.name,
             p.unit,
             p.value,
+            None,
+            None,
+            p.meaning,
+            None,
             p.free,
             *by_name.get(p.name, (None, None)),
-            _at_bound(p) and not (p.name in structure.delays and p.value < NO_DELAY),
-            p.meaning,
+            p.free
+            and (p.value <= p.lower * (1 + 1e-3) + 1e-9 or p.value >= p.upper * (1 - 1e-3))
+            and not (p.name in structure.delays and p.value < NO_DELAY),
         )
         for p in structure.parameters
     )
@@ -410,14 +388,14 @@ def is_stable(structure: ModelStructure, conditions: Sequence[Condition]) -> boo
     return bool(np.max(poles.real) < MARGIN)
 
 
-def _at_bound(p: Parameter) -> bool:
-    return p.free and (p.value <= p.lower * (1 + 1e-3) + 1e-9 or p.value >= p.upper * (1 - 1e-3))
-
-
 def _descend(
     structure: ModelStructure, conditions: Sequence[Condition], tolerance: float, stable: bool
 ) -> tuple[ModelStructure, float]:
-    start, low, high, log = _vector(structure)
+    free = structure.free
+    log = np.array([p.lower > 0 for p in free])  # positive parameters, as logarithms
+    start, low, high = np.array([(p.value, p.lower, p.upper) for p in free], dtype=float).T.copy()
+    for a in (start, low, high):
+        a[log] = np.log(a[log])
     fenced = stable and is_stable(structure, conditions)
     size = 2 * sum(d.w.size for c in conditions for d in c.data)
     names = [p.name for p in structure.free]

@@ -11,8 +11,7 @@ from rover_sweep.data.recording import Recording
 from rover_sweep.data.results import PlainNumbers
 from rover_sweep.identification.fit import Condition, sampled
 from rover_sweep.quality.coherence import input_responses, sign_is_wrong
-from rover_sweep.spectra.conditioned import correlated_inputs, moving
-from rover_sweep.spectra.response import Band, FrequencyResponse
+from rover_sweep.spectra.response import Band, FrequencyResponse, correlated_inputs, moving
 from rover_sweep.spectra.side_by_side import side_by_side
 
 MODELS = ("bicycle", "roll-yaw", "lumped")
@@ -73,6 +72,10 @@ class Group(PlainNumbers):
         """True when the output was recorded and has a usable band."""
         return output in self.responses and self.responses[output].band is not None
 
+    def left_out(self, why: str) -> str:
+        """The sentence on a group that is not used."""
+        return f"left out {', '.join(run.name for run in self.runs)} at {self.speed:.2f} m/s: {why}"
+
     def why_not(self) -> str | None:
         """A sentence on why nothing can be identified from these runs, or None."""
         r = self.responses.get("r")
@@ -91,14 +94,16 @@ class Group(PlainNumbers):
 
 def grouped(runs: Sequence[Recording], settings: Settings) -> tuple[Group, ...]:
     """Runs in groups of equal sensor filters, with mean speeds within 10 % of the first run of the group."""
-    groups: list[list[Recording]] = []
-    for run in runs:
-        near = [g for g in groups if _same_group(run, g[0])]
-        if near:
-            near[0].append(run)
-        else:
-            groups.append([run])
-    return tuple(side_by_side(lambda g: _group(g, settings), groups))
+    cutoffs = [{c: f.cutoff_hz for c, f in run.filters.items()} for run in runs]
+    found: dict[int, list[Recording]] = {}
+    for i, run in enumerate(runs):
+        same = (
+            k
+            for k in found
+            if abs(run.mean_speed / runs[k].mean_speed - 1) <= SAME_SPEED and cutoffs[i] == cutoffs[k]
+        )
+        found.setdefault(next(same, i), []).append(run)
+    return tuple(side_by_side(lambda g: _group(g, settings), list(found.values())))
 
 
 def steered_speed(run: Recording) -> float:
@@ -117,12 +122,6 @@ def steered_speed(run: Recording) -> float:
     return float(np.sum(power * v) / np.sum(power)) if np.sum(power) > 0 else mean
 
 
-def _same_group(a: Recording, b: Recording) -> bool:
-    """True for runs at one speed with the same low-passes of the sensors."""
-    cutoffs = [{c: f.cutoff_hz for c, f in run.filters.items()} for run in (a, b)]
-    return abs(a.mean_speed / b.mean_speed - 1) <= SAME_SPEED and cutoffs[0] == cutoffs[1]
-
-
 def _group(runs: Sequence[Recording], settings: Settings) -> Group:
     inputs = ("delta", *(c for c in settings.condition_on if moving(runs, c)))
     found, *others = input_responses(
@@ -130,22 +129,11 @@ def _group(runs: Sequence[Recording], settings: Settings) -> Group:
     ).values()
     lengths = [run.span[1] - run.span[0] for run in runs]
     speed = float(np.average([steered_speed(run) for run in runs], weights=lengths))
-    return Group(
-        speed,
-        tuple(runs),
-        found,
-        dict(zip(inputs[1:], others, strict=True)),
-        _remarks(found, settings.condition_on, inputs),
-    )
-
-
-def _remarks(
-    found: Mapping[str, FrequencyResponse], wanted: Sequence[str], inputs: Sequence[str]
-) -> tuple[str, ...]:
     still = [
         f"{c} is constant in these runs, so the responses are not conditioned on it"
-        for c in wanted
+        for c in settings.condition_on
         if c not in inputs
     ]
     correlated = [text for o in ("r", "ay") if o in found and (text := correlated_inputs(found[o]))]
-    return (*still, *correlated[:1])
+    remarks = (*still, *correlated[:1])
+    return Group(speed, tuple(runs), found, dict(zip(inputs[1:], others, strict=True)), remarks)

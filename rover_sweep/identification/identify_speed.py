@@ -50,7 +50,10 @@ def coasting(runs: Sequence[ThrottleRun], found: SpeedFit) -> Coasting | None:
     # under drive v' = (K u - K u_drag - v) / T; coasting with the same drag gives u_drag
     dragging = (model.lag * rate - middle) / model.gain
     zone = model.offset - dragging
-    spread = NORMAL_90 * _zone_error(found, rate, error, middle)
+    # error of offset - (T a - v) / K, from those of the fit (d/d log K, d/d log T) and of the coasting
+    slope = np.array([dragging, -model.lag * rate / model.gain, 0.0, 1.0])
+    variance = slope @ found.covariance @ slope + (model.lag * error / model.gain) ** 2
+    spread = NORMAL_90 * float(np.sqrt(variance))
     freewheels = dragging + spread < 0
     return Coasting(
         middle,
@@ -97,15 +100,6 @@ def _rate_at(t: Array, v: Array, speed: float, lag: float, noise: SpeedNoise) ->
     return float((speed + q) / lag), float(np.sqrt(variance) / lag)
 
 
-def _zone_error(found: SpeedFit, rate: float, error: float, speed: float) -> float:
-    """Standard error of the dead zone, offset - (T a - v) / K, from those of the fit and of the coasting."""
-    model = found.model
-    by_gain = (model.lag * rate - speed) / model.gain  # d/d log K
-    by_lag = -model.lag * rate / model.gain  # d/d log T
-    slope = np.array([by_gain, by_lag, 0.0, 1.0])
-    return float(np.sqrt(slope @ found.covariance @ slope + (model.lag * error / model.gain) ** 2))
-
-
 # Coherence between throttle and speed: whether the throttle caused the speed that was recorded.
 
 
@@ -145,15 +139,10 @@ def throttle_coherence(runs: Sequence[ThrottleRun]) -> ThrottleCoherence:
     used = (w >= max(low, w[1])) & (w <= high)
     response = u_v[used] / u_u[used]
     coherence = np.abs(u_v[used]) ** 2 / (u_u[used] * v_v[used])
-    return ThrottleCoherence(
-        w[used], coherence, np.abs(response), np.unwrap(np.angle(response)), _band(w[used], coherence)
-    )
-
-
-def _band(w: Array, coherence: Array) -> tuple[float, float] | None:
-    """The longest stretch in log frequency above `GOOD`."""
-    bands = [(float(w[a]), float(w[b])) for a, b in stretches(coherence >= GOOD) if b > a]
-    return max(bands, key=lambda band: band[1] / band[0], default=None)
+    # usable: the longest stretch in log frequency
+    bands = [(float(w[used][a]), float(w[used][b])) for a, b in stretches(coherence >= GOOD) if b > a]
+    band = max(bands, key=lambda band: band[1] / band[0], default=None)
+    return ThrottleCoherence(w[used], coherence, np.abs(response), np.unwrap(np.angle(response)), band)
 
 
 LEAST_SPAN = 0.05  # share of full throttle that must be swept, peak to peak

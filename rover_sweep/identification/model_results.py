@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
@@ -27,6 +27,8 @@ from rover_sweep.identification.models import bicycle, kinematic, lumped, roll_y
 from rover_sweep.identification.state_space import ModelStructure
 from rover_sweep.identification.verdicts import (
     CANNOT,
+    LEVELS,
+    Level,
     ModelVerdict,
     ReductionStep,
     judge_model,
@@ -157,13 +159,14 @@ class ModelResult(PlainNumbers, Shown):
         """J_ave over all responses of the model, fitted or not."""
         return float(np.mean(list(self.costs.values())))
 
-    def spoilt(self, why: tuple[str, ...]) -> ModelResult:
-        """The result with a verdict of at most poor where there is a reason. why: sentences."""
+    def lowered(self, level: Level, why: tuple[str, ...]) -> ModelResult:
+        """The result with a verdict of at most this level where there is a reason. why: sentences."""
         if not why:
             return self
-        level = self.verdict.level if self.verdict.level == "not identifiable" else "poor"
-        sentences = tuple(dict.fromkeys((*why, *self.verdict.sentences)))
-        return replace(self, verdict=ModelVerdict(level, sentences))
+        worst = max(level, self.verdict.level, key=LEVELS.index)
+        return replace(
+            self, verdict=ModelVerdict(worst, tuple(dict.fromkeys((*why, *self.verdict.sentences))))
+        )
 
     def table(self) -> ShortTable:
         """The fit's table with the verdict and the verification."""
@@ -240,13 +243,21 @@ def physical_result(structure: ModelStructure, work: Work) -> ModelResult:
     """A structure of physical parameters, fitted over all speeds and reduced, with its variants."""
     starts = drawn_starts(structure)
     full = fit(structure, work.conditions(), starts)
-    best, steps = _reduced(full, work, _candidates(structure, work.geometry))
+    usual = {"C", "Cf", "Cr", "Izz", "k_phi", "b_phi", "L_eff"}
+    more = {p.name: p.value for p in structure.free if p.name in work.geometry.free and p.name not in usual}
+    best, steps = _reduced(full, work, more)  # of the parameters that the vehicle file frees in addition
     if steps:
         best = fit(best.structure, work.conditions(), drawn_starts(best.structure))
     tied, apart = best, None
     if "C" in structure.values:
-        apart = fit(_untied(tied.structure, work.geometry), work.conditions())
-        best = apart if not work.settings.as_paper and _axles_differ(tied, apart) else tied
+        make = bicycle if structure.name == "bicycle" else roll_yaw
+        free = [n for p in tied.structure.free for n in (("Cf", "Cr") if p.name == "C" else (p.name,))]
+        both = dict.fromkeys(("Cf", "Cr"), tied.structure.values["C"])
+        start = make(work.geometry, tied=False).with_free(free)
+        apart = fit(start.with_values({**tied.structure.values, **both}), work.conditions())
+        much_better = apart.average <= min(MUCH_BETTER * tied.average, tied.average - LEAST_BETTER)
+        if much_better and not work.settings.as_paper and judge_model(apart).level != "not identifiable":
+            best = apart
     variants = {"before reduction": full} if any(s.dropped for s in steps) else {}
     if any(g.runs[0].filters for g in work.groups):
         begin = starts if best is tied else ()
@@ -258,31 +269,12 @@ def physical_result(structure: ModelStructure, work: Work) -> ModelResult:
     return fitted_result(best, variants, work, steps)
 
 
-def _candidates(structure: ModelStructure, geometry: Geometry) -> dict[str, float]:
-    """{additionally freed parameter: value in the vehicle file}, the candidates of the reduction."""
-    usual = {"C", "Cf", "Cr", "Izz", "k_phi", "b_phi", "L_eff"}
-    return {p.name: p.value for p in structure.free if p.name in geometry.free and p.name not in usual}
-
-
 def _reduced(
     full: FitResult, work: Work, known: Mapping[str, float] | None
 ) -> tuple[FitResult, tuple[ReductionStep, ...]]:
     if not work.settings.reduction or known == {}:
         return full, ()
     return reduce_model(full, work.conditions(), known, work.settings.keep)
-
-
-def _untied(tied: ModelStructure, geometry: Geometry) -> ModelStructure:
-    make = bicycle if tied.name == "bicycle" else roll_yaw
-    c = tied.values["C"]
-    free = [n for p in tied.free for n in (("Cf", "Cr") if p.name == "C" else (p.name,))]
-    return make(geometry, tied=False).with_free(free).with_values({**tied.values, "Cf": c, "Cr": c})
-
-
-def _axles_differ(tied: FitResult, apart: FitResult) -> bool:
-    """True where one stiffness for each axle fits much better and can be identified."""
-    better = apart.average <= min(MUCH_BETTER * tied.average, tied.average - LEAST_BETTER)
-    return better and judge_model(apart).level != "not identifiable"
 
 
 def lumped_result(start: ModelStructure, work: Work) -> ModelResult:
@@ -295,7 +287,9 @@ def lumped_result(start: ModelStructure, work: Work) -> ModelResult:
     first = fit(start, conditions, drawn_starts(start)).structure
     full = fit(lumped(work.geometry, first, here.groups[0].speed), conditions, stable=True)
     best, steps = _reduced(full, here, None)
-    best = _refit_from_near_starts(best.structure, conditions)
+    # distant starts end in wrong local minima
+    near = [s for s in near_starts(best.structure) if is_stable(best.structure.with_values(s), conditions)]
+    best = fit(best.structure, conditions, near, stable=True)
     variants = {"before reduction": full} if steps else {}
     if here.has_vydot:
         variants["four responses"] = fit(best.structure, here.conditions(best.structure.outputs))
@@ -309,12 +303,6 @@ def lumped_result(start: ModelStructure, work: Work) -> ModelResult:
 
 def _over_all_runs(found: FitResult, work: Work) -> FitResult:
     return replace(found, costs=costs(found.structure, work.conditions(tuple(found.costs))))
-
-
-def _refit_from_near_starts(structure: ModelStructure, conditions: Sequence[Condition]) -> FitResult:
-    """The lumped fit from stable starts near its values; distant starts end in wrong local minima."""
-    starts = [s for s in near_starts(structure) if is_stable(structure.with_values(s), conditions)]
-    return fit(structure, conditions, starts, stable=True)
 
 
 def fitted_result(
@@ -420,54 +408,38 @@ def recommendation(
     if faults and usable in ([], ["kinematic"]):
         return None, (f"use none of these models: {faults[0]}", *faults[1:])
     if not usable:
-        return None, (_none_fits(models), *filter(None, (no_tyres,)), *faults)
+        identified = (n for n in ORDER if n in models and models[n].verdict.level != "not identifiable")
+        name = next(identified, "kinematic")
+        kind = "model" if name == "lumped" else "physical model"
+        why = f"{name}, {'; '.join(models[name].verdict.sentences[:2])}"
+        none = f"no {kind} fits these runs ({why}); use `rover-sweep diagnose` to find what is left out"
+        return None, (none, *filter(None, (no_tyres,)), *faults)
     best = usable[0]
     if no_tyres and best == "kinematic":
         return best, (f"use the kinematic model: {no_tyres}", *faults)
     reasons = models[best].verdict.sentences[: 1 if best == "lumped" else 2]
-    others = (*_passed_over(best, models), *_axles_sentence(models[best]), *_lumped_sentence(best, models))
+    others = tuple(_beside(best, models))
     return best, (f"use the {best} model: {'; '.join(reasons)}", *others, *faults)
 
 
-def _none_fits(models: Mapping[str, ModelResult]) -> str:
-    """Why no model is recommended, with the reasons against the most complete one that was identified."""
-    identified = (n for n in ORDER if n in models and models[n].verdict.level != "not identifiable")
-    name = next(identified, "kinematic")
-    kind = "model" if name == "lumped" else "physical model"
-    why = f"{name}, {'; '.join(models[name].verdict.sentences[:2])}"
-    return f"no {kind} fits these runs ({why}); use `rover-sweep diagnose` to find what is left out"
-
-
-def _passed_over(best: str, models: Mapping[str, ModelResult]) -> tuple[str, ...]:
-    """A sentence for each more complete physical model that was fitted and is not used."""
-    better = [n for n in ORDER[: ORDER.index(best)] if n in models and n in PHYSICAL]
-    return tuple(
-        f"the {n} model is {models[n].verdict.level}: {models[n].verdict.sentences[0].removeprefix(CANNOT)}"
-        for n in better
-    )
-
-
-def _axles_sentence(best: ModelResult) -> tuple[str, ...]:
-    """A sentence where separate stiffnesses of the axles replaced the one C of the paper."""
-    tied = best.variants.get(TIED)
-    if tied is None:
-        return ()
-    return (
-        f"each axle has its own stiffness: one C for both, as in the paper, has J_ave {tied.average:.1f} "
-        f"instead of {best.fit.average:.1f}",
-    )
-
-
-def _lumped_sentence(best: str, models: Mapping[str, ModelResult]) -> tuple[str, ...]:
-    """A sentence on why a lumped model with a lower cost is not recommended."""
-    lumped = models.get("lumped")
-    if best not in PHYSICAL or lumped is None or lumped.fit.average >= models[best].fit.average:
-        return ()
-    return (
-        f"the lumped model has a lower J_ave ({lumped.fit.average:.1f}), but it is valid at "
-        f"{lumped.fit.speed:.2g} m/s only and its coefficients are not physical properties; the {best} model "
-        "fits well enough, and its parameters hold at other speeds too",
-    )
+def _beside(best: str, models: Mapping[str, ModelResult]) -> Iterator[str]:
+    """Sentences on the other models: more complete, with one C for both axles, with a lower cost."""
+    for n in ORDER[: ORDER.index(best)]:
+        if n in models and n in PHYSICAL:
+            verdict = models[n].verdict
+            yield f"the {n} model is {verdict.level}: {verdict.sentences[0].removeprefix(CANNOT)}"
+    fit, tied, lumped = models[best].fit, models[best].variants.get(TIED), models.get("lumped")
+    if tied is not None:
+        yield (
+            f"each axle has its own stiffness: one C for both, as in the paper, has J_ave {tied.average:.1f} "
+            f"instead of {fit.average:.1f}"
+        )
+    if best in PHYSICAL and lumped is not None and lumped.fit.average < fit.average:
+        yield (
+            f"the lumped model has a lower J_ave ({lumped.fit.average:.1f}), but it is valid at "
+            f"{lumped.fit.speed:.2g} m/s only and its coefficients are not physical properties; the {best} "
+            "model fits well enough, and its parameters hold at other speeds too"
+        )
 
 
 def wrong_wheelbase(plain: ModelResult, wheelbase: float) -> tuple[str, ...]:

@@ -14,7 +14,7 @@ from itertools import combinations
 import numpy as np
 
 from rover_sweep.data.recording import Array
-from rover_sweep.data.results import ByName, Intervals, Quantity
+from rover_sweep.data.results import ByName, Quantity
 from rover_sweep.identification.state_space import ModelStructure
 
 MODE_UNITS = {
@@ -61,10 +61,10 @@ def mode_values(structure: ModelStructure, speed: float) -> dict[str, float]:
 
 
 def mode_quantities(
-    structure: ModelStructure, speed: float, intervals: Sequence[Intervals] = ()
+    structure: ModelStructure, speed: float, intervals: Sequence[Quantity] = ()
 ) -> ByName[Quantity]:
     """The modes at a speed [m/s] with the intervals of their bootstrap, where they have any."""
-    known = {i.name: (i.low, i.high) for i in intervals if np.isfinite((i.low, i.high)).all()}
+    known = {q.name: q.interval_90 for q in intervals if q.interval_90 and np.isfinite(q.interval_90).all()}
     out = []
     for name, value in mode_values(structure, speed).items():
         (unit, meaning), (low, high) = MODE_UNITS[name], known.get(name, (None, None))

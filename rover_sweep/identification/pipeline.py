@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property, partial
 from itertools import combinations
 from math import isfinite
@@ -38,7 +38,6 @@ from rover_sweep.identification.model_results import (
 )
 from rover_sweep.identification.models import kinematic, refitted_with_lag
 from rover_sweep.identification.state_space import OUTPUTS, ModelStructure
-from rover_sweep.identification.verdicts import ModelVerdict, at_most_acceptable
 from rover_sweep.quality.coherence import input_responses
 from rover_sweep.quality.faults import (
     doubts,
@@ -50,7 +49,7 @@ from rover_sweep.quality.faults import (
 )
 from rover_sweep.quality.rovers import TWO_ROVERS, with_rovers
 from rover_sweep.quality.verdict import CoherenceTable, CoherenceVerdict, assess
-from rover_sweep.spectra.conditioned import moving
+from rover_sweep.spectra.response import moving
 
 # A user's own structure, fitted to the runs like the built-in models.
 
@@ -149,13 +148,10 @@ def _score(found: FitResult, other: FitResult, geometry: Geometry) -> float:
     """Score of the reversed position: decrease of ln J_ave plus that of the yaw inertia's log error."""
     if other.average > MAX_RISE * found.average:
         return -np.inf
-    improvement = _inertia_error(found, geometry) - _inertia_error(other, geometry)
-    return float(np.log((found.average + NOISE) / (other.average + NOISE)) + INERTIA * improvement)
-
-
-def _inertia_error(found: FitResult, geometry: Geometry) -> float:
-    """|ln(identified yaw inertia / expected)|."""
-    return abs(float(np.log(found["Izz"].value / _inertia(geometry))))
+    errors = [abs(float(np.log(f["Izz"].value / _inertia(geometry)))) for f in (found, other)]
+    return float(
+        np.log((found.average + NOISE) / (other.average + NOISE)) + INERTIA * (errors[0] - errors[1])
+    )
 
 
 def _inertia(geometry: Geometry) -> float:
@@ -262,9 +258,11 @@ class Identification(PlainNumbers, Shown):
 
     def table(self) -> ShortTable:
         """A row for each model; usable bands, refused models, the recommendation."""
-        rows = tuple(
-            (name, m.verdict.level, f"{m.fit.average:.1f}", *_verified(m)) for name, m in self.models.items()
-        )
+        rows = []
+        for name, m in self.models.items():
+            v = next(iter(m.verification), None)
+            checked = (f"{v.j_rms:.2f}", f"{v.tic:.3f}") if v else ("-", "-")
+            rows.append((name, m.verdict.level, f"{m.fit.average:.1f}", *checked))
         bands = (
             f"at {g.speed:.2f} m/s, usable bands in rad/s: "
             + ", ".join(f"{o} {band_words(f.band)}" for o, f in g.responses.items())
@@ -275,15 +273,9 @@ class Identification(PlainNumbers, Shown):
         return ShortTable(
             f"identification from {runs} run{'s' if runs != 1 else ''}",
             ("model", "verdict", "J_ave", "J_rms", "TIC"),
-            rows,
+            tuple(rows),
             (*bands, *refused, *self.summary),
         )
-
-
-def _verified(model: ModelResult) -> tuple[str, str]:
-    """J_rms and TIC on the first verification run."""
-    first = model.verification[:1]
-    return (f"{first[0].j_rms:.2f}", f"{first[0].tic:.3f}") if first else ("-", "-")
 
 
 @threadpool_limits.wrap(limits=1, user_api="blas")  # small matrices: threads cost more than they bring
@@ -303,41 +295,52 @@ def identify(
     do not support is refused with the reason, without an exception. ValueError when two models have one name.
     """
     wanted = settings or Settings()
-    _refuse_same_names([s.name for s in structures])
+    names = [s.name for s in structures]
+    if taken := [n for i, n in enumerate(names) if n in (*MODELS, "kinematic") or n in names[:i]]:
+        raise ValueError(f"a model named {taken[0]!r} exists already; rename the structure")
     together = with_rovers((*runs, *verify_on))
     runs, verify_on = together[: len(runs)], together[len(runs) :]
     quality = tuple(_assessed(run, wanted.condition_on, vehicle) for run in each_with_length(runs))
     runs, verify_on, apart = without_faulty(runs, verify_on, wanted.fitted)
-    groups = grouped(runs, wanted)
+    groups, lowest = grouped(runs, wanted), (wanted.band or ())[:1]
     reasons = {i: why for i, g in enumerate(groups) if (why := g.why_not())}
     remarks = (*apart, *dict.fromkeys(sentences for g in groups for sentences in g.remarks))
     if len(reasons) == len(groups):
-        stops = (*_short(runs, wanted), *dict.fromkeys(reasons.values()))
-        refused = dict.fromkeys((*wanted.models, *(s.name for s in structures)), stops[0])
+        fault = too_short(runs, *lowest)
+        short = (f"nothing can be identified: {fault.text}",) if fault else ()
+        stops = (*short, *dict.fromkeys(reasons.values()))
+        refused = dict.fromkeys((*wanted.models, *names), stops[0])
         return Identification(geometry, wanted, groups, quality, {}, refused, None, (*stops, *remarks))
-    remarks = (*(_left_out(groups[i], why) for i, why in reasons.items()), *remarks)
+    remarks = (*(groups[i].left_out(why) for i, why in reasons.items()), *remarks)
     groups = tuple(g for i, g in enumerate(groups) if i not in reasons)
     work = Work(groups, geometry, tuple(verify_on), wanted)
     models, refused = _fitted(work, structures)
     if fitted is not None:
         fitted(models)
     models = with_intervals(models, groups, wanted, geometry.friction)
-    models = {n: m.spoilt(_doubted(m, geometry)) for n, m in models.items()}
-    if doubtful := doubts(runs):
-        models = {n: replace(m, verdict=at_most_acceptable(m.verdict, doubtful)) for n, m in models.items()}
+    models = {n: m.lowered("poor", _doubted(m, geometry)) for n, m in models.items()}
+    if doubtful := tuple(doubts(runs)):
+        good = {n: m for n, m in models.items() if m.verdict.level == "good"}
+        models |= {n: m.lowered("acceptable", doubtful) for n, m in good.items()}
     no_tyres = tyres_not_identifiable(models)
     if no_tyres:
-        models = {n: m if n == "kinematic" else _not_identifiable(m, no_tyres) for n, m in models.items()}
-    models, faults = _judged_by_data(
-        models,
-        (*_long_enough(groups, wanted), *_from_another_rover(verify_on)),
-        wanted,
-        (
-            *implausible(geometry),
-            *wrong_wheelbase(models["kinematic"], geometry.wheelbase),
-            *filter(None, (_imu_fault(models, work),)),
-        ),
+        with_tyres = {n: m for n, m in models.items() if n != "kinematic"}
+        models |= {n: m.lowered("not identifiable", (no_tyres,)) for n, m in with_tyres.items()}
+    placed = next((models[n] for n in PLACED if n in models), None)
+    turned = wrong_place(placed.fit, work.conditions(), geometry) if placed else ""
+    of_file = (
+        *implausible(geometry),
+        *wrong_wheelbase(models["kinematic"], geometry.wheelbase),
+        *filter(None, (turned,)),
     )
+    others = [run for run in verify_on if any(note.fault == TWO_ROVERS for note in run.notes)]
+    judged = (*with_length(_runs(groups), *lowest), *others)
+    spoilt: dict[str, tuple[str, ...]] = {}
+    for name, m in models.items():
+        outputs = [o for o in wanted.fitted if o in m.fit.structure.outputs]
+        spoilt[name] = (*(of_file if name in OF_FILE else ()), *fault_sentences(judged, outputs))
+    models = {name: m.lowered("poor", spoilt[name]) for name, m in models.items()}
+    faults = tuple(dict.fromkeys(sentence for found in spoilt.values() for sentence in found))
     best, sentences = recommendation(models, no_tyres, faults)
     tyres = stiffness_by_amplitude(models[best], work) if best in PHYSICAL else ()
     said = (*sentences, *remarks)
@@ -348,68 +351,20 @@ def _runs(groups: Sequence[Group]) -> tuple[Recording, ...]:
     return tuple(run for group in groups for run in group.runs)
 
 
-def _long_enough(groups: Sequence[Group], settings: Settings) -> tuple[Recording, ...]:
-    """The runs of the groups, with a fault when they are too short in total."""
-    return with_length(_runs(groups), *(settings.band or ())[:1])
-
-
-def _short(runs: Sequence[Recording], settings: Settings) -> tuple[str, ...]:
-    """The first sentence when the runs are too short to identify anything."""
-    fault = too_short(runs, *(settings.band or ())[:1])
-    return (f"nothing can be identified: {fault.text}",) if fault else ()
-
-
-def _from_another_rover(runs: Sequence[Recording]) -> tuple[Recording, ...]:
-    """The runs that were driven with another rover."""
-    return tuple(run for run in runs if any(note.fault == TWO_ROVERS for note in run.notes))
-
-
 def _doubted(model: ModelResult, geometry: Geometry) -> tuple[str, ...]:
     """Why the numbers of a fit cannot be used: implausible, or without intervals that were asked for."""
     free = [e for e in model.fit.estimates if e.free]
     physical = model.fit.structure.name in PHYSICAL and model.verdict.level != "not identifiable"
     absurd = implausible(geometry, {e.name: e.value for e in free}) if physical else ()
-    lost = [e.name for e in free if e.interval and not isfinite(e.interval.low + e.interval.high)]
+    lost = [e.name for e in free if e.interval_90 and not isfinite(sum(e.interval_90))]
     none = f"no interval of {', '.join(lost)}: more than half of the bootstrap's fits failed"
     return (*absurd, *((none,) if lost else ()))
-
-
-def _imu_fault(models: Mapping[str, ModelResult], work: Work) -> str:
-    """A sentence on a wrong sign of the IMU's position, from the roll-yaw or else the bicycle model."""
-    name = next((n for n in OF_FILE[:2] if n in models), "")
-    return wrong_place(models[name].fit, work.conditions(), work.geometry) if name else ""
-
-
-def _judged_by_data(
-    models: Mapping[str, ModelResult], runs: Sequence[Recording], settings: Settings, of_file: tuple[str, ...]
-) -> tuple[dict[str, ModelResult], tuple[str, ...]]:
-    """(models, poor at best where their channels are faulty; sentences on the faults).
-
-    of_file: sentences on the numbers of the vehicle file.
-    """
-    why = {
-        name: fault_sentences(runs, [o for o in settings.fitted if o in m.fit.structure.outputs])
-        for name, m in models.items()
-    }
-    why = {n: (*of_file, *found) if n in OF_FILE else found for n, found in why.items()}
-    judged = {name: m.spoilt(why[name]) for name, m in models.items()}
-    return judged, tuple(dict.fromkeys(sentences for found in why.values() for sentences in found))
-
-
-def _left_out(group: Group, why: str) -> str:
-    return f"left out {', '.join(run.name for run in group.runs)} at {group.speed:.2f} m/s: {why}"
 
 
 def _assessed(run: Recording, condition_on: Sequence[str], vehicle: Vehicle | None) -> CoherenceVerdict:
     """The coherence verdict on one run, from partial coherences where another input moves."""
     others = tuple(c for c in condition_on if moving([run], c))
     return assess(run, input_responses([run], ("delta", *others))["delta"] if others else None, vehicle)
-
-
-def _refuse_same_names(names: Sequence[str]) -> None:
-    taken = [n for i, n in enumerate(names) if n in (*MODELS, "kinematic") or n in names[:i]]
-    if taken:
-        raise ValueError(f"a model named {taken[0]!r} exists already; rename the structure")
 
 
 def _fitted(
@@ -424,7 +379,3 @@ def _fitted(
         except NotPossible as reason:
             refused[name] = str(reason)
     return models, refused
-
-
-def _not_identifiable(result: ModelResult, why: str) -> ModelResult:
-    return replace(result, verdict=ModelVerdict("not identifiable", (why, *result.verdict.sentences)))

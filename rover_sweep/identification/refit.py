@@ -19,7 +19,7 @@ from rover_sweep.identification.fit import PHASE_WEIGHT, POINTS, Condition, rest
 from rover_sweep.identification.grouping import Group
 from rover_sweep.identification.state_space import ModelStructure
 from rover_sweep.spectra.harmonics import CoarseTransformer, ResidualSpectra, fresh_noise
-from rover_sweep.spectra.response import RISING, Band, FrequencyResponse, composite, transformed, usable_band
+from rover_sweep.spectra.response import RISING, Band, composite, transformed, usable_band
 from rover_sweep.spectra.windowed import Complex, Transformer, WindowSpectra, effective_averages
 
 # The response of a model to the measured steering, computed in the frequency domain without step size.
@@ -47,7 +47,10 @@ def forced_response(
     """
     start, end = span
     t = start + np.arange(int((end - start) * RATE) + 1) / RATE
-    u = _with_smooth_return(delta.on(t))
+    # less its start, extended by a smooth return to zero: periodic without a jump
+    u, fade = delta.on(t), int(RETURN_TIME / 2 * RATE)
+    back = (u[-1] - u[0]) * (0.5 + 0.5 * np.cos(np.pi * np.arange(1, fade + 1) / fade))
+    u = np.concatenate((u - u[0], back, np.zeros(fade)))
     w = np.asarray(2 * np.pi * np.fft.rfftfreq(u.size, 1 / RATE), dtype=np.float64)
     used = np.flatnonzero((w > 0) & (w <= TOP * w_max))
     x = np.fft.rfft(u)[used]
@@ -55,22 +58,10 @@ def forced_response(
     def simulated(output: str) -> Signal:
         h = structure.response(w[used], speed, output, filters)
         spectrum = np.zeros(w.size, dtype=complex)
-        spectrum[used] = _measured(h, w[used], output) * x
+        spectrum[used] = (h / (1j * w[used]) if output == "vydot" else h) * x
         return Signal(t, np.fft.irfft(spectrum, u.size)[: t.size], "", f"{structure.name} model")
 
     return {output: simulated(output) for output in outputs}
-
-
-def _with_smooth_return(u: Array) -> Array:
-    """The input (n,) minus its start, extended by a smooth return to zero: periodic without a jump."""
-    fade = int(RETURN_TIME / 2 * RATE)
-    back = (u[-1] - u[0]) * (0.5 + 0.5 * np.cos(np.pi * np.arange(1, fade + 1) / fade))
-    return np.concatenate((u - u[0], back, np.zeros(fade)))
-
-
-def _measured(h: Complex, w: Array, output: str) -> Complex:
-    """The response (n_w,) of the measured channel: V_y for vydot."""
-    return h / (1j * w) if output == "vydot" else h
 
 
 # Replicates of measured responses: the model's response to the measured steering plus generated noise,
@@ -183,13 +174,11 @@ class GroupReplicator:
         first = self.responses[condition.data[0].output]
         self.w, self.windows = first.w, first.windows
         self.averages = [effective_averages([run.span for run in group.runs], n) for n in self.windows]
-        self.runs = [self._of(run, known) for run in group.runs]
-
-    def _of(self, run: Recording, known: Known) -> RunReplicator:
-        key = (id(run), tuple(self.windows), self.w.tobytes())
-        if key not in known:
-            known[key] = RunReplicator(run, self.windows, self.w)
-        return known[key]
+        keys = [(id(run), tuple(self.windows), self.w.tobytes()) for run in group.runs]
+        for key, run in zip(keys, group.runs, strict=True):
+            if key not in known:
+                known[key] = RunReplicator(run, self.windows, self.w)
+        self.runs = [known[key] for key in keys]
 
     def __call__(
         self, structure: ModelStructure, count: int, rng: np.random.Generator
@@ -228,14 +217,11 @@ class GroupReplicator:
         rise = 1j * self.w if output in RISING else 1.0
         model = structure.response(self.w, self.condition.speed, output, self.condition.filters)
         log_model = np.log(np.abs(model)) + 1j * np.unwrap(np.angle(model))
-        bands = self._bands(self.responses[output], coherence)
+        measured = self.responses[output]
+        bands: tuple[Band | None, ...] = (measured.band,) * len(coherence)
+        if measured.band == usable_band(measured.w, measured.coherence):  # it was not given
+            bands = tuple(usable_band(self.w, g2) for g2 in coherence)
         return Replicates(output, self.w, np.log(h * rise / model), coherence, log_model, bands)
-
-    def _bands(self, measured: FrequencyResponse, coherence: Array) -> tuple[Band | None, ...]:
-        """Usable band of each replicate from its coherence (count, n_w); the data's band if it was given."""
-        if measured.band != usable_band(measured.w, measured.coherence):
-            return (measured.band,) * len(coherence)
-        return tuple(usable_band(self.w, g2) for g2 in coherence)
 
 
 MAX_STEPS = 8  # most Gauss-Newton steps of a replicate
@@ -262,11 +248,6 @@ def refitted_replicates(
         if len(known) == len(parts):
             theta[rows] = _refit(expansion, known, np.array(rows))
     return theta
-
-
-def logarithmic(structure: ModelStructure) -> np.ndarray:
-    """Mask (n_free,) of the positive parameters, which are fitted as logarithms."""
-    return np.array([p.lower > 0 for p in structure.free])
 
 
 @dataclass(frozen=True, eq=False)
@@ -362,7 +343,7 @@ class _Expansion:
         self.start, self.lower, self.upper = (
             np.array([(p.value, p.lower, p.upper) for p in structure.free], dtype=float).reshape(-1, 3).T
         )
-        self.log = logarithmic(structure)
+        self.log = self.lower > 0  # positive parameters, fitted as logarithms
         self.slope = self._slopes(np.zeros(self.start.size))
         curvatures = [self._curvature(e) for e in np.eye(self.start.size)]
         self.curvature = [np.array([b[k] for b in curvatures]) for k in range(len(parts))]

@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import eigvals
+from scipy.linalg import eigvals, expm
 
 from rover_sweep.data.recording import Array, LowPass
 from rover_sweep.spectra.windowed import Complex
@@ -63,6 +63,15 @@ class Matrices:
         a = np.linalg.solve(self.m, self.f)
         b = np.linalg.solve(self.m, self.input_matrix.astype(float))
         return a, b, self.h0 + self.h1 @ a, self.h1 @ b
+
+
+def held_input(a: Array, b: Array, time: float) -> tuple[Array, Array]:
+    """exp(a t) (nx, nx) and its integral times b (nx, nu), for an input held for `time` [s]."""
+    n, m = b.shape
+    block = np.zeros((n + m, n + m))
+    block[:n, :n], block[:n, n:] = a, b
+    moved = expm(block * time)
+    return moved[:n, :n], moved[:n, n:]
 
 
 Builder = Callable[[Mapping[str, Any]], Matrices]
@@ -143,9 +152,9 @@ class ModelStructure:
         found = np.asarray(eigvals(mat.f, mat.m), dtype=np.complex128)
         return found[np.isfinite(found)]
 
-    def delay(self, input: str, output: str) -> float:
-        """Total delay [s] from an input to an output."""
-        return float(_delay(self, self.values, input, output))
+    def delay(self, *places: str) -> float:
+        """Total delay [s] of inputs and outputs, such as from an input to an output."""
+        return float(_delay(self, self.values, *places))
 
     def response(
         self,
@@ -176,7 +185,10 @@ class ModelStructure:
         path = self._path(w, speed, output, source)
         moved = [self._moved(p.name, 1j * step) for p in self.free]
         late = np.array([np.imag(_delay(self, values, source, output)) / step for values in moved])
-        change = path.derivatives([_imaginary(self.build({**v, "V": speed}), step) for v in moved])
+        built = [self.build({**values, "V": speed}) for values in moved]
+        change = path.derivatives(
+            [Matrices(*(np.imag(a) / step for a in (b.m, b.f, b.g, b.h0, b.h1))) for b in built]
+        )
         return change / path.response[:, None] - 1j * w[:, None] * late
 
     def _path(self, w: Array, speed: float, output: str, input: str) -> _Path:
@@ -202,13 +214,9 @@ def _tied(parameters: Sequence[Parameter]) -> tuple[Parameter, ...]:
     return tuple(replace(p, value=p.tied[1] * known[p.tied[0]].value) if p.tied else p for p in parameters)
 
 
-def _delay(structure: ModelStructure, values: Mapping[str, Any], input: str, output: str) -> Any:
-    names = structure.input_delays.get(input), structure.output_delays.get(output)
-    return sum(values[n] for n in names if n)
-
-
-def _imaginary(mat: Matrices, step: float) -> Matrices:
-    return Matrices(*(np.imag(a) / step for a in (mat.m, mat.f, mat.g, mat.h0, mat.h1)))
+def _delay(structure: ModelStructure, values: Mapping[str, Any], *places: str) -> Any:
+    late = {**structure.output_delays, **structure.input_delays}
+    return sum(values[late[place]] for place in places if place in late)
 
 
 class _Path:

@@ -97,15 +97,12 @@ def _compiled(node: ast.expr, text: str) -> Evaluate:
         case ast.UnaryOp(op=ast.UAdd(), operand=inner):
             return _compiled(inner, text)
         case ast.BinOp(left=left, op=op, right=right) if type(op) in OPERATORS:
-            return _binary(OPERATORS[type(op)], _compiled(left, text), _compiled(right, text))
+            operation, a, b = OPERATORS[type(op)], _compiled(left, text), _compiled(right, text)
+            return lambda values: operation(a(values), b(values))
     raise ValueError(
         f"{text!r} contains {ast.unparse(node)!r}, which is not allowed; use numbers, names, + - * / ** and "
         "parentheses"
     )
-
-
-def _binary(operation: Callable[[Any, Any], Any], a: Evaluate, b: Evaluate) -> Evaluate:
-    return lambda values: operation(a(values), b(values))
 
 
 KEYS = ("name", "reference", "states", "inputs", "outputs", "parameters", "matrices", "delays", "units")
@@ -169,6 +166,7 @@ class _Reader:
             self._check_names(build, parameters, {*late_in.values(), *late_out.values()})
         if build is None or self.problems:
             return None
+        units = self.data.get("units", {})
         structure = ModelStructure(
             name,
             states,
@@ -179,7 +177,7 @@ class _Reader:
             inputs,
             late_in,
             late_out,
-            self._units(),
+            {k: str(v) for k, v in units.items()} if isinstance(units, dict) else {},
             text,
         )
         self.problems += _trial(structure)
@@ -353,10 +351,6 @@ class _Reader:
         for p in parameters:
             if p.free and p.name not in build.names | delays and p.name not in tied:
                 self.problems.append(f"{p.name} is free, but no matrix and no delay uses it")
-
-    def _units(self) -> dict[str, str]:
-        units = self.data.get("units", {})
-        return {k: str(v) for k, v in units.items()} if isinstance(units, dict) else {}
 
 
 def _trial(structure: ModelStructure) -> list[str]:

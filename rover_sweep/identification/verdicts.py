@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, get_args
 
 from rover_sweep.identification.fit import Condition, Estimate, FitResult, fit, has_zero_response, is_stable
 from rover_sweep.identification.verify import Verification
 
 Level = Literal["good", "acceptable", "poor", "not identifiable"]
+LEVELS: tuple[Level, ...] = get_args(Level)  # the best first
 J_GOOD, J_ACCEPTABLE = 50.0, 100.0
 CR_GUIDE, I_GUIDE = 20.0, 10.0  # percent
 J_RMS_GUIDE, TIC_GUIDE = 2.0, 0.35  # of the paper: above one of them a model does not predict the run
@@ -44,39 +45,28 @@ def judge_model(
     uncertain = [e for e in result.estimates if e.free and _is_uncertain(e) and not (physical and e in lost)]
     failed = [v for v in verification if not (v.tic <= TIC_GUIDE and v.j_rms <= J_RMS_GUIDE)]
     ended = [e for e in result.estimates if e.at_bound]
-    reasons = [_prediction_sentence(v) for v in failed] + ([_bound_sentence(ended)] if ended else [])
-    sentences = [*reasons, _cost_sentence(result.average)]
+    reasons = [
+        f"does not predict {v.run}, with TIC {v.tic:.2f} (guideline <= {TIC_GUIDE:g}) and "
+        f"J_rms {v.j_rms:.3g} (<= {J_RMS_GUIDE:g})"
+        for v in failed
+    ]
+    if ended:
+        values = ", ".join(f"{e.name} {e.value:.3g} {e.unit}" for e in ended)
+        reasons.append(f"{values} at the bound of what the fit may try, so not a result")
+    average = result.average
+    level: Level = "good" if average <= J_GOOD else "acceptable" if average <= J_ACCEPTABLE else "poor"
+    words = {
+        "good": f"hardly distinguishable from the data (guideline <= {J_GOOD:g})",
+        "acceptable": f"acceptable (guideline <= {J_ACCEPTABLE:g})",
+        "poor": f"a poor fit (guideline <= {J_ACCEPTABLE:g})",
+    }
+    sentences = [*reasons, f"J_ave {average:.1f}, {words[level]}"]
     if uncertain:
         sentences.append("uncertain (above CR 20 % or I 10 %) are " + ", ".join(map(_numbers, uncertain)))
     if lost and not physical:
         sentences.append(
             "valid for prediction at this speed; single derivatives mean little because they are correlated"
         )
-    sentences += _start_sentences(result)
-    if lost and physical:
-        first = CANNOT + ", ".join(map(_numbers, lost))
-        return ModelVerdict("not identifiable", (first, *sentences))
-    return ModelVerdict("poor" if reasons else _level(result.average), tuple(sentences))
-
-
-def at_most_acceptable(verdict: ModelVerdict, why: tuple[str, ...]) -> ModelVerdict:
-    """The verdict with a level of at most acceptable. why: sentences on doubts that the fit cannot show."""
-    return ModelVerdict("acceptable", (*why, *verdict.sentences)) if verdict.level == "good" else verdict
-
-
-def _prediction_sentence(v: Verification) -> str:
-    tic, j_rms = f"TIC {v.tic:.2f} (guideline <= {TIC_GUIDE:g})", f"J_rms {v.j_rms:.3g} (<= {J_RMS_GUIDE:g})"
-    return f"does not predict {v.run}, with {tic} and {j_rms}"
-
-
-def _bound_sentence(ended: Sequence[Estimate]) -> str:
-    values = ", ".join(f"{e.name} {e.value:.3g} {e.unit}" for e in ended)
-    return f"{values} at the bound of what the fit may try, so not a result"
-
-
-def _start_sentences(result: FitResult) -> list[str]:
-    """Warnings that the result depends on the starting point of the fit."""
-    sentences = []
     if result.spread > SAME:
         far = f"{100 * result.spread:.0f} %"
         sentences.append(
@@ -87,7 +77,10 @@ def _start_sentences(result: FitResult) -> list[str]:
             f"{len(result.rivals)} of {result.starts} starts end in another minimum at a higher cost (J_ave "
             f"{result.rivals[0]:.1f} or more); check the starting values and bounds"
         )
-    return sentences
+    if lost and physical:
+        first = CANNOT + ", ".join(map(_numbers, lost))
+        return ModelVerdict("not identifiable", (first, *sentences))
+    return ModelVerdict("poor" if reasons else level, tuple(sentences))
 
 
 def _is_not_identifiable(e: Estimate) -> bool:
@@ -102,19 +95,6 @@ def _is_uncertain(e: Estimate) -> bool:
 def _numbers(e: Estimate) -> str:
     bound = ", at its bound" if e.at_bound else ""
     return f"{e.name} (CR {e.cr_percent:.3g} %, I {e.insensitivity_percent:.3g} %{bound})"
-
-
-def _level(average: float) -> Level:
-    return "good" if average <= J_GOOD else "acceptable" if average <= J_ACCEPTABLE else "poor"
-
-
-def _cost_sentence(average: float) -> str:
-    level = {
-        "good": f"hardly distinguishable from the data (guideline <= {J_GOOD:g})",
-        "acceptable": f"acceptable (guideline <= {J_ACCEPTABLE:g})",
-        "poor": f"a poor fit (guideline <= {J_ACCEPTABLE:g})",
-    }[_level(average)]
-    return f"J_ave {average:.1f}, {level}"
 
 
 def kinematic_suffices(costs: Mapping[str, Mapping[str, float]]) -> str | None:
@@ -143,8 +123,6 @@ def kinematic_suffices(costs: Mapping[str, Mapping[str, float]]) -> str | None:
 # in the vehicle file, as the paper fixes Ixx and h (section 6.2) and Ixz.
 
 
-INSENSITIVITY_LIMIT = 10.0  # percent
-CRAMER_RAO_LIMIT = 20.0  # percent
 COST_RISE = 0.05  # of J_ave, plus one unit of J: most that a dropped parameter may add
 
 
@@ -207,12 +185,12 @@ def reduce_model(
 
 def _worst(result: FitResult, kept: set[str]) -> tuple[Estimate, str] | None:
     free = [e for e in result.estimates if e.free and e.name not in kept]
-    insensitive = [e for e in free if (e.insensitivity_percent or 0.0) > INSENSITIVITY_LIMIT]
-    if insensitive:
-        e = max(insensitive, key=lambda e: e.insensitivity_percent or 0.0)
-        return e, f"insensitivity {e.insensitivity_percent:.3g} % > {INSENSITIVITY_LIMIT:g} %"
-    uncertain = [e for e in free if (e.cr_percent or 0.0) > CRAMER_RAO_LIMIT]
-    if uncertain:
-        e = max(uncertain, key=lambda e: e.cr_percent or 0.0)
-        return e, f"Cramer-Rao bound {e.cr_percent:.3g} % > {CRAMER_RAO_LIMIT:g} %"
+    for name, symbol, limit in (
+        ("insensitivity_percent", "insensitivity", I_GUIDE),
+        ("cr_percent", "Cramer-Rao bound", CR_GUIDE),
+    ):
+        percent = {e.name: getattr(e, name) or 0.0 for e in free}
+        if above := [e for e in free if percent[e.name] > limit]:
+            e = max(above, key=lambda e: percent[e.name])
+            return e, f"{symbol} {percent[e.name]:.3g} % > {limit:g} %"
     return None

@@ -12,11 +12,10 @@ from typing import Any
 
 import numpy as np
 from scipy.fft import irfft, next_fast_len, rfft
-from scipy.linalg import expm
 
 from rover_sweep.data.recording import Array, LowPass, Recording, drawing
 from rover_sweep.data.results import PlainNumbers, ShortTable, Shown, plain_number
-from rover_sweep.identification.state_space import ModelStructure
+from rover_sweep.identification.state_space import ModelStructure, held_input
 
 UNITS = {"r": ("deg/s", 180 / np.pi), "ay": ("ft/s^2", 1 / 0.3048), "p": ("deg/s", 180 / np.pi)}
 RATE = 400.0  # Hz, of the simulation
@@ -97,49 +96,36 @@ def simulated_outputs(
     u: the steering angle (n,) [rad] or all inputs (n, nu), at `rate` [Hz]; speed [m/s]. Delays and the known
     low-passes of the sensors, by output, are applied.
     """
-    mat = structure.matrices(speed)
     columns = dict(zip(structure.inputs, u.reshape(len(u), -1).T, strict=True))
-    inputs = [_delayed(x, structure, structure.input_delays.get(i), rate) for i, x in columns.items()]
-    a = np.linalg.solve(mat.m, mat.f)
-    b = np.linalg.solve(mat.m, mat.input_matrix.astype(float))
-    found = _outputs(structure, mat.h0, mat.h1, a, b, np.column_stack(inputs), rate, filters)
-    return {o: _delayed(y, structure, structure.output_delays.get(o), rate) for o, y in found.items()}
+    inputs = [_delayed(x, structure.delay(i), rate) for i, x in columns.items()]
+    system = structure.matrices(speed).state_space()
+    found = _outputs(structure, system, np.column_stack(inputs), rate, filters)
+    return {o: _delayed(y, structure.delay(o), rate) for o, y in found.items()}
 
 
-def _delayed(x: Array, structure: ModelStructure, delay: str | None, rate: float) -> Array:
-    """The signal (n,) delayed by the value of a delay parameter, None for no delay."""
+def _delayed(x: Array, delay: float, rate: float) -> Array:
+    """The signal (n,) delayed [s]."""
     k = np.arange(x.size)
-    return np.interp(k - structure.values[delay] * rate, k, x) if delay else x
+    return np.interp(k - delay * rate, k, x) if delay else x
 
 
 def _outputs(
     structure: ModelStructure,
-    h0: Array,
-    h1: Array,
-    a: Array,
-    b: Array,
+    system: tuple[Array, Array, Array, Array],
     u: Array,
     rate: float,
     filters: Mapping[str, LowPass],
 ) -> dict[str, Array]:
+    """{output: (n,)} of (A, B, C, D) from rest, with u (n, nu) held between samples, and its low-passes."""
+    a, b, c, d = system
     with np.errstate(over="ignore", invalid="ignore"):
-        x = _states(a, b, u, rate)
-        y = x @ (h0 + h1 @ a).T + u @ (h1 @ b).T
+        step, pushed = held_input(a / rate, b / rate, 1.0)
+        driven, x = u @ pushed.T, np.zeros((len(u), len(a)))
+        for k in range(1, len(u)):
+            x[k] = step @ x[k - 1] + driven[k - 1]
+        y = x @ c.T + u @ d.T
     y = np.clip(np.nan_to_num(y, nan=DIVERGED), -DIVERGED, DIVERGED)
     return {name: _filtered(y[:, i], rate, filters.get(name)) for i, name in enumerate(structure.outputs)}
-
-
-def _states(a: Array, b: Array, u: Array, rate: float) -> Array:
-    """x (n, nx) of x' = a x + b u from x = 0, u (n, nu) held between samples (exact discretisation)."""
-    n, inputs = b.shape
-    block = np.zeros((n + inputs, n + inputs))
-    block[:n, :n], block[:n, n:] = a, b
-    step = expm(block / rate)
-    ad, driven = step[:n, :n], u @ step[:n, n:].T
-    out = np.zeros((len(u), n))
-    for k in range(1, len(u)):
-        out[k] = ad @ out[k - 1] + driven[k - 1]
-    return out
 
 
 def _filtered(y: Array, rate: float, low_pass: LowPass | None) -> Array:
@@ -172,28 +158,19 @@ def verify(
     start, end = run.span
     grid = start + np.arange(int((end - start) * RATE) + 1) / RATE
     speed = run.mean_speed
-    driven = np.column_stack([_from_rest(run, i, grid) for i in structure.inputs])
+    driven = np.zeros((grid.size, len(structure.inputs)))
+    for k, name in enumerate(structure.inputs):
+        if name in run or name == "delta":  # each input from its value at the start
+            x = run[name].on(grid)
+            driven[:, k] = x - np.median(x[: max(int(0.2 * RATE), 1)])
     model = simulated_outputs(structure, speed, driven, RATE, low_passes)
-    unit = _bias_responses(structure, speed, grid.size, low_passes)
-    return _solved(structure, run, used, grid, model, unit, speed)
-
-
-def _from_rest(run: Recording, input: str, grid: Array) -> Array:
-    """An input (n,) minus its value at the start."""
-    if input not in run and input != "delta":
-        return np.zeros(grid.size)
-    x = run[input].on(grid)
-    return x - np.median(x[: max(int(0.2 * RATE), 1)])
-
-
-def _bias_responses(
-    structure: ModelStructure, speed: float, n: int, filters: Mapping[str, LowPass]
-) -> list[dict[str, Array]]:
-    """{output: (n,)} for a constant unit bias of each state derivative."""
     mat = structure.matrices(speed)
-    a = np.linalg.solve(mat.m, mat.f)
-    ones, pushes = np.ones((n, 1)), np.eye(len(a))
-    return [_outputs(structure, mat.h0, mat.h1, a, b[:, None], ones, RATE, filters) for b in pushes]
+    a, _, c, _ = mat.state_space()
+    ones, pushes = np.ones((grid.size, 1)), np.eye(len(a))  # a constant unit bias of each state derivative
+    unit = [
+        _outputs(structure, (a, b[:, None], c, mat.h1 @ b[:, None]), ones, RATE, low_passes) for b in pushes
+    ]
+    return _solved(structure, run, used, grid, model, unit, speed)
 
 
 def _solved(

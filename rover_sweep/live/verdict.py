@@ -14,11 +14,11 @@ from rover_sweep.data.vehicle_file import Vehicle
 from rover_sweep.errors import DataRefused, RoverSweepError
 from rover_sweep.live.source import CoherenceBand, ResponseCurve, Verdict
 from rover_sweep.logs.read import read_logs, runs_of
-from rover_sweep.quality.coherence import RISING_FROM, VYDOT_FROM, per_rad, responses, sign_is_wrong
+from rover_sweep.quality.coherence import VYDOT_FROM, per_rad, responses, sign_is_wrong
 from rover_sweep.quality.faults import each_with_length, is_unexcited
 from rover_sweep.quality.verdict import assess
 from rover_sweep.session.content import SessionRun, Span
-from rover_sweep.spectra.amplitude import octaves
+from rover_sweep.spectra.amplitude import RISING_FROM, octaves
 from rover_sweep.spectra.response import COHERENCE_GOOD, RISING, FrequencyResponse, unwrapped_phase
 
 # The coherence of a run by response and octave, each with a word or two.

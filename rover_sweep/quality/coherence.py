@@ -6,17 +6,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from rover_sweep.data.recording import Array, Recording
+from rover_sweep.data.recording import Recording
 from rover_sweep.data.results import PlainNumbers
 from rover_sweep.quality.faults import short_trials
-from rover_sweep.spectra.amplitude import RISING_FROM
-from rover_sweep.spectra.conditioned import conditioned_responses
+from rover_sweep.spectra.amplitude import judged_from
 from rover_sweep.spectra.response import (
     COHERENCE_GOOD,
-    RISING,
     Band,
     FrequencyResponse,
     default_windows,
@@ -53,28 +50,22 @@ def excited_range(runs: Sequence[Recording], input: str = "delta", top: float | 
     share = 1 if short_trials(runs) else 2
     nyquist = np.pi * min(run[c].rate for run in runs for c in (input, "r") if c in run)
     w = np.geomspace(2 * np.pi * share / longest, min(top or 60.0, 0.8 * nyquist), 150)
-    power = np.sum([_power(run, input, w, longest / (2 * share)) for run in runs], axis=0)
+    length = longest / (2 * share)
+    power = np.zeros(w.size)
+    for run in runs:
+        fitting = min(length, run.span[1] - run.span[0])
+        spectra = Transformer(*run.span, [fitting], w)(run.manoeuvre(input))[0]
+        power = power + np.mean(np.abs(spectra) ** 2, axis=0)
     strong = power > 1e-2 * np.median(power[power > 1e-3 * power.max()])
     peak = int(np.argmax(power))
     if any(run.kind == "multisine" for run in runs) or short_trials(runs):
-        strong = _without_gaps(w, strong)
+        k = np.flatnonzero(strong)
+        for a, b in zip(k[:-1], k[1:], strict=True):
+            strong[a:b] |= w[b] - w[a] <= LINE_GAP
     below, above = np.flatnonzero(~strong[:peak]), np.flatnonzero(~strong[peak:])
     low = int(below[-1]) + 1 if below.size else 0
     high = peak + int(above[0]) - 1 if above.size else w.size - 1
     return float(w[low]), float(w[high])
-
-
-def _without_gaps(w: Array, strong: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """The mask (n_w,) with gaps of up to LINE_GAP between excited frequencies filled."""
-    filled, k = strong.copy(), np.flatnonzero(strong)
-    for a, b in zip(k[:-1], k[1:], strict=True):
-        filled[a:b] |= w[b] - w[a] <= LINE_GAP
-    return filled
-
-
-def _power(run: Recording, input: str, w: Array, length: float) -> Array:
-    length = min(length, run.span[1] - run.span[0])
-    return np.mean(np.abs(Transformer(*run.span, [length], w)(run.manoeuvre(input))[0]) ** 2, axis=0)
 
 
 def responses(
@@ -111,33 +102,20 @@ def input_responses(
     """
     spans = [run.span for run in runs]
     total, longest = sum(e - s for s, e in spans), max(e - s for s, e in spans)
-    low, high = _extended(band or excited_range(runs, inputs[0]), bands)
+    asked = [band or excited_range(runs, inputs[0]), *(bands or {}).values()]
+    low, high = min(b[0] for b in asked), max(b[1] for b in asked)
     record = 2 * longest if short_trials(runs) else longest  # a window may be as long as a short trial
     lengths = windows or default_windows(low, high, total, record)
     if len(inputs) > 1:
         lengths = tuple(sorted({min(n, total / len(inputs)) for n in lengths}))
     w = frequency_grid(low, high, lengths)
     recorded = [o for o in outputs if all({"vydot": "vy"}.get(o, o) in run for run in runs)]
-    if len(inputs) > 1:
-        found = conditioned_responses(runs, recorded, w, lengths, inputs, bands)
-    else:
-        found = {inputs[0]: frequency_responses(runs, recorded, w, tuple(lengths), inputs[0], bands)}
+    found = frequency_responses(runs, recorded, w, tuple(lengths), inputs, bands)
     if "vydot" in recorded and "vydot" not in (bands or {}):
-        found[inputs[0]]["vydot"] = _above(found[inputs[0]]["vydot"], VYDOT_FROM)
+        f, low = found[inputs[0]]["vydot"], VYDOT_FROM
+        above = None if f.band is None or f.band[1] < 2 * low else (max(f.band[0], low), f.band[1])
+        found[inputs[0]]["vydot"] = replace(f, band=above)
     return found
-
-
-def _above(f: FrequencyResponse, low: float) -> FrequencyResponse:
-    """The response with its band limited to above `low` [rad/s]."""
-    if f.band is None or f.band[1] < 2 * low:
-        return replace(f, band=None)
-    return replace(f, band=(max(f.band[0], low), f.band[1]))
-
-
-def _extended(swept: Band, bands: Mapping[str, Band] | None) -> Band:
-    """The range, extended to the requested bands."""
-    asked = [swept, *(bands or {}).values()]
-    return min(b[0] for b in asked), max(b[1] for b in asked)
 
 
 def judged_responses(found: Mapping[str, FrequencyResponse]) -> dict[str, FrequencyResponse]:
@@ -146,20 +124,12 @@ def judged_responses(found: Mapping[str, FrequencyResponse]) -> dict[str, Freque
 
 
 def output_coherence(f: FrequencyResponse) -> OutputCoherence:
-    w, g2 = _judged(f)
+    judged = f.w >= judged_from(f)
+    w, g2 = f.w[judged], f.coherence[judged]
     lowest = int(np.argmin(g2))
     return OutputCoherence(
         f.output, f.band, float(np.mean(g2 >= COHERENCE_GOOD)), float(g2[lowest]), float(w[lowest])
     )
-
-
-def _judged(f: FrequencyResponse) -> tuple[Array, Array]:
-    """(w, coherence) that are judged: responses that rise with w are lost in noise at the low end.
-
-    For them, from 4 times the lowest frequency, or the upper half of a narrow range.
-    """
-    start = min(RISING_FROM * f.w[0], np.sqrt(f.w[0] * f.w[-1])) if f.output in RISING else f.w[0]
-    return f.w[f.w >= start], f.coherence[f.w >= start]
 
 
 def sign_is_wrong(response: FrequencyResponse) -> bool:

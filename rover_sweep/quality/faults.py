@@ -8,7 +8,7 @@ from typing import Literal
 
 import numpy as np
 
-from rover_sweep.data.recording import ASSUMED, Array, Note, Recording, Signal, stretches
+from rover_sweep.data.recording import ASSUMED, Note, Recording, Signal, stretches
 from rover_sweep.quality.relations import ALL_CHANNELS, STRETCHED, kinematics, relations, stretched_by_angles
 from rover_sweep.quality.rovers import TWO_ROVERS
 from rover_sweep.spectra.response import LOWEST_BIN
@@ -37,23 +37,16 @@ def clipping(run: Recording) -> Iterator[Note]:
             continue
         signal = run.manoeuvre(channel)
         share, extreme = max(
-            (_clipped(signal, side, steering), side * _top(signal, side)) for side in (1, -1)
+            (_clipped(signal, side, steering), side * float(np.max(side * signal.x, initial=-np.inf)))
+            for side in (1, -1)
         )
         if share > SHARE:
-            yield _fault(channel, sensor, extreme, share, signal.unit)
-
-
-def _fault(channel: str, sensor: str, extreme: float, share: float, unit: str) -> Note:
-    again = "drive again with a smaller amplitude, or set a larger range of the sensor"
-    text = (
-        f"{channel} is clipped: it stays at {extreme:.4g} {unit} for {100 * share:.1f} % of the run while "
-        f"the steering moves, so the {sensor} reached its range; {again}"
-    )
-    return Note("warning", text, CLIPPED, (channel,))
-
-
-def _top(signal: Signal, side: int) -> float:
-    return float(np.max(side * signal.x, initial=-np.inf))
+            text = (
+                f"{channel} is clipped: it stays at {extreme:.4g} {signal.unit} for {100 * share:.1f} % of "
+                f"the run while the steering moves, so the {sensor} reached its range; drive again with a "
+                "smaller amplitude, or set a larger range of the sensor"
+            )
+            yield Note("warning", text, CLIPPED, (channel,))
 
 
 def _clipped(signal: Signal, side: int, steering: Signal) -> float:
@@ -68,22 +61,13 @@ def _clipped(signal: Signal, side: int, steering: Signal) -> float:
     stays = [stay for stay in stretches(at) if stay[1] > stay[0]]  # of two samples or more
     if len(stays) < MIN_STAYS or at.sum() < PILED_UP * max(usual, 1.0):
         return 0.0
-    if not _steep(x, stays, float(np.min(np.diff(levels)))) or not _moved(signal.t, stays, steering):
-        return 0.0
-    return float(np.mean(at))
-
-
-def _steep(x: Array, stays: list[tuple[int, int]], resolution: float) -> bool:
-    """True when the signal reaches its extreme value in large steps, unlike a smooth maximum."""
     steps = [x[a - 1] - x[a - 2] for a, _ in stays if a > 1]
-    return bool(steps) and float(np.median(steps)) > STEEP * resolution
-
-
-def _moved(t: Array, stays: list[tuple[int, int]], steering: Signal) -> bool:
-    """True when the steering changes during one of the stays."""
+    if not steps or float(np.median(steps)) <= STEEP * float(np.min(np.diff(levels))):
+        return 0.0  # a smooth maximum, not reached in large steps
     whole = float(np.ptp(steering.x)) if steering.x.size else 0.0
-    moved = [float(np.ptp(part)) for a, b in stays if (part := steering.between(t[a], t[b]).x).size]
-    return whole > 0 and max(moved, default=0.0) > STEERED * whole
+    held = (steering.between(signal.t[a], signal.t[b]).x for a, b in stays)
+    moved = max((float(np.ptp(part)) for part in held if part.size), default=0.0)
+    return float(np.mean(at)) if whole > 0 and moved > STEERED * whole else 0.0
 
 
 # Reasons not to call a model good although it fits: errors that the data themselves cannot show.
@@ -93,25 +77,17 @@ def _moved(t: Array, stays: list[tuple[int, int]], steering: Signal) -> bool:
 CUT = ("The recording ends before", "The recording begins after", "The recording has a hole", "A hole of")
 
 
-def doubts(runs: Sequence[Recording]) -> tuple[str, ...]:
+def doubts(runs: Sequence[Recording]) -> Iterator[str]:
     """A sentence for each reason not to trust a good fit to these runs."""
-    return (*_assumed(runs), *_cut(runs))
-
-
-def _assumed(runs: Sequence[Recording]) -> Iterator[str]:
-    """An assumed low-pass: 4 Hz assumed for none gave C = 24 instead of 32 N/rad, at J_ave 18."""
     found = sorted({c for run in runs for c, low in run.filters.items() if low.source == ASSUMED})
-    if found:
+    if found:  # 4 Hz assumed for none gave C = 24 instead of 32 N/rad, at J_ave 18
         yield (
             f"the low-pass of {', '.join(found)} was not recorded and the default value is assumed; if it "
             "was set otherwise, the parameters are wrong by tens of percent: give --gyro-filter and "
             "--accel-filter"
         )
-
-
-def _cut(runs: Sequence[Recording]) -> Iterator[str]:
-    """No complete run: a sweep that ended at 9 rad/s gave Izz with an error of 12 %, at J_ave 1."""
     if all(any(note.text.startswith(CUT) for note in run.notes) for run in runs):
+        # a sweep that ended at 9 rad/s gave Izz with an error of 12 %, at J_ave 1
         names = ", ".join(run.name for run in runs)
         yield f"no run was recorded completely ({names}), so some frequencies are missing: drive one again"
 
@@ -178,12 +154,10 @@ def each_with_length(runs: Sequence[Recording]) -> tuple[Recording, ...]:
     """
     by_hand = [run for run in runs if run.kind == "other"]
     others = too_short(by_hand) if by_hand else None
-    faults = ((run, others if run.kind == "other" else _single(run)) for run in runs)
-    return tuple(_marked(run, fault) if fault else run for run, fault in faults)
-
-
-def _single(run: Recording) -> Note | None:
-    return None if run.kind == "doublet" else too_short([run])
+    faults = [
+        None if run.kind == "doublet" else others if run.kind == "other" else too_short([run]) for run in runs
+    ]
+    return tuple(_marked(run, fault) if fault else run for run, fault in zip(runs, faults, strict=True))
 
 
 def _marked(run: Recording, fault: Note) -> Recording:
@@ -203,28 +177,21 @@ def faults_of(run: Recording) -> tuple[Note, ...]:
 
 def _found(run: Recording) -> tuple[Note, ...]:
     """Faults and warnings, without repetitions."""
-    read = tuple(note for note in run.notes if note.fault)
-    odd_clock = any(note.fault == STRETCHED for note in read)
+    found = [note for note in run.notes if note.fault]
+    odd_clock = any(note.fault == STRETCHED for note in found)
+    clipped = tuple(clipping(run))
+    found += clipped
+    if not odd_clock:  # else rates do not match angles
+        seen = relations(run.without({c for fault in clipped for c in fault.spoils}))
+        speed = run["speed"].x if "speed" in run else np.empty(0)
+        given = (
+            float(speed[0]) if speed.size and not np.ptp(speed) else None
+        )  # a constant one is not recorded
+        found += tuple(stretched_by_angles(seen)) or tuple(kinematics(seen, given))
     notes: dict[tuple[str, tuple[str, ...]], Note] = {}
-    for note in (*read, *_from_channels(run, odd_clock)):
+    for note in found:
         notes.setdefault((note.fault, note.spoils), note)  # two clocks may show the same
     return tuple(notes.values())
-
-
-def _from_channels(run: Recording, odd_clock: bool) -> tuple[Note, ...]:
-    """Faults and warnings from the channels. odd_clock: known clock fault, so rates do not match angles."""
-    clipped = tuple(clipping(run))
-    if odd_clock:
-        return clipped
-    sound = run.without({c for fault in clipped for c in fault.spoils})
-    found = relations(sound)
-    return (*clipped, *(tuple(stretched_by_angles(found)) or kinematics(found, _given_speed(run))))
-
-
-def _given_speed(run: Recording) -> float | None:
-    """The speed [m/s] if it is constant, so given instead of recorded; else None."""
-    speed = run["speed"].x if "speed" in run else np.empty(0)
-    return float(speed[0]) if speed.size and not np.ptp(speed) else None
 
 
 def with_faults(run: Recording) -> Recording:
@@ -280,8 +247,8 @@ def _with_option(fault: Note) -> str:
 
 def advice_on(run: Recording) -> tuple[Literal["repeat", "discard"], str] | None:
     """(action, sentence) for the first fault of a run, None without a fault."""
-    for fault in faults_of(run):
-        if fault.fault in REPEATED:
-            return "repeat", f"repeat: {_with_option(fault)}"
-        return "discard", f"discard: {_with_option(fault)}"
-    return None
+    fault = next(iter(faults_of(run)), None)
+    if fault is None:
+        return None
+    action: Literal["repeat", "discard"] = "repeat" if fault.fault in REPEATED else "discard"
+    return action, f"{action}: {_with_option(fault)}"

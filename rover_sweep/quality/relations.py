@@ -22,7 +22,7 @@ LOWEST, HIGHEST = 0.5, 8.0  # rad/s, band of the comparison
 PERIODS = 2.0  # of the lowest frequency, in the run
 SHORTEST = 4.0  # s, of a run
 SLOWEST = 4.0  # Hz, of a channel
-Spectrum = NDArray[np.complex128]
+Complex = NDArray[np.complex128]
 
 
 @dataclass(frozen=True)
@@ -56,48 +56,28 @@ CLEAR_LEAN = 0.35  # of p and a_y': a stiff rover on rough ground has .4
 
 def relations(run: Recording) -> Relations:
     """The relations within the manoeuvre of a run."""
-    return Relations(
-        _rate_relation(run, "psi", "r"),
-        _rate_relation(run, "phi", "p"),
-        _force_relation(run),
-        _lean_relation(run),
-    )
+    t = np.arange(run.span[0], run.span[1], STEP)
 
+    def recorded(*channels: str) -> bool:
+        return run.span[1] - run.span[0] >= SHORTEST and all(
+            c in run and run.manoeuvre(c).t.size > 1 and run.manoeuvre(c).rate >= SLOWEST for c in channels
+        )
 
-def _rate_relation(run: Recording, angle: str, rate: str) -> Relation | None:
-    if not _recorded(run, angle, rate):
-        return None
-    t = _clock(run)
-    slope = np.gradient(run[angle].on(t), t)
-    return _clear(_relation(t, slope, run[rate].on(t), run.filters.get(rate)), CLEAR)
+    def clear(least: float, y: Array, x: Array, filter: LowPass | None = None) -> Relation | None:
+        found = _relation(t, y, x, filter)
+        return found if found is not None and found.coherence >= least else None
 
+    def turned(angle: str, rate: str) -> Relation | None:
+        if not recorded(angle, rate):
+            return None
+        return clear(CLEAR, np.gradient(run[angle].on(t), t), run[rate].on(t), run.filters.get(rate))
 
-def _force_relation(run: Recording) -> Relation | None:
-    if not _recorded(run, "ay", "r", "speed"):
-        return None
-    t = _clock(run)
-    return _clear(_relation(t, run["ay"].on(t), run["speed"].on(t) * run["r"].on(t)), CLEAR_FORCE)
-
-
-def _lean_relation(run: Recording) -> Relation | None:
-    if "phi" in run or not _recorded(run, "p", "ay"):
-        return None
-    t = _clock(run)
-    return _clear(_relation(t, run["p"].on(t), np.gradient(run["ay"].on(t), t)), CLEAR_LEAN)
-
-
-def _clear(found: Relation | None, least: float) -> Relation | None:
-    return found if found is not None and found.coherence >= least else None
-
-
-def _recorded(run: Recording, *channels: str) -> bool:
-    return run.span[1] - run.span[0] >= SHORTEST and all(
-        c in run and run.manoeuvre(c).t.size > 1 and run.manoeuvre(c).rate >= SLOWEST for c in channels
-    )
-
-
-def _clock(run: Recording) -> Array:
-    return np.arange(run.span[0], run.span[1], STEP)
+    force = lean = None
+    if recorded("ay", "r", "speed"):
+        force = clear(CLEAR_FORCE, run["ay"].on(t), run["speed"].on(t) * run["r"].on(t))
+    if "phi" not in run and recorded("p", "ay"):
+        lean = clear(CLEAR_LEAN, run["p"].on(t), np.gradient(run["ay"].on(t), t))
+    return Relations(turned("psi", "r"), turned("phi", "p"), force, lean)
 
 
 def _relation(t: Array, y: Array, x: Array, filter: LowPass | None = None) -> Relation | None:
@@ -114,20 +94,18 @@ def _relation(t: Array, y: Array, x: Array, filter: LowPass | None = None) -> Re
     return Relation(cross.real / powers[1], abs(cross) ** 2 / (powers[0] * powers[1]))
 
 
-def _spectrum(x: Array) -> Spectrum:
+def _spectrum(x: Array) -> Complex:
     return np.asarray(np.fft.rfft((x - x.mean()) * np.hanning(x.size)))
 
 
 # The responses of a rover in a few bands, to check whether two runs are of the same rover.
 
 
-SAMPLE_STEP = 0.02  # s, of the common clock
 EDGES = np.geomspace(1.5, 15.0, 9)  # rad/s
 CLEAR_BAND = 0.8  # smallest coherence of a usable band
 FEWEST_BANDS = 4  # usable bands needed for a comparison
 LOW = 3  # lowest bands, in which the yaw rate depends on the wheelbase and hardly on the tyres
 WINDOW = 1.5  # equivalent bins of a Hann window, by which fewer averages are independent
-Complex = NDArray[np.complex128]
 
 
 @dataclass(frozen=True, eq=False)
@@ -162,9 +140,10 @@ class AnswerDifference:
 
 def fingerprint(run: Recording, input: str) -> Fingerprint:
     """The fingerprint of a run with the steering channel `input`; known low-passes are corrected."""
-    t = np.arange(run.span[0], run.span[1], SAMPLE_STEP)
-    w: Array = np.asarray(2 * np.pi * np.fft.rfftfreq(t.size, SAMPLE_STEP), np.float64)
-    spectra = {c: _band_spectrum(run, c, t, w) for c in (input, "r", "ay", "p") if c in run}
+    t = np.arange(run.span[0], run.span[1], STEP)
+    w: Array = np.asarray(2 * np.pi * np.fft.rfftfreq(t.size, STEP), np.float64)
+    spectra = {c: _spectrum(run[c].on(t)) for c in (input, "r", "ay", "p") if c in run}
+    spectra |= {c: spectra[c] / run.filters[c].response(w) for c in spectra if c in run.filters}
     unknown = np.full(EDGES.size - 1, np.nan)
     lean = Bands(unknown + 0j, unknown)
     if {"p", "ay"} <= set(spectra):
@@ -172,13 +151,6 @@ def fingerprint(run: Recording, input: str) -> Fingerprint:
     amplitude = float(np.ptp(run.manoeuvre(input).x)) / 2
     spectra["r"] /= run.mean_speed
     return Fingerprint(_answer(w, spectra["r"], spectra[input]), lean, run.mean_speed, amplitude)
-
-
-def _band_spectrum(run: Recording, channel: str, t: Array, w: Array) -> Complex:
-    x = run[channel].on(t)
-    found = np.fft.rfft((x - x.mean()) * np.hanning(t.size))
-    known = run.filters.get(channel)
-    return np.asarray(found / known.response(w) if known else found)
 
 
 def _answer(w: Array, output: Complex, input: Complex) -> Bands:
@@ -238,32 +210,24 @@ def stretched_by_angles(found: Relations) -> Iterator[Note]:
     """
     if found.heading is None:
         return
+    heading, force = found.heading.ratio, found.force
     if found.roll is None:
-        yield from _by_heading(found.heading.ratio, found.force)
+        agrees = force is not None and _within(force.ratio, FORCE_RANGE)
+        if agrees and _within(heading, REACH) and abs(heading - 1) > HEADING_ONLY:
+            yield stretched(1 / heading, f"the heading changes {heading:.3g} times as fast as r")
         return
-    heading, roll = found.heading.ratio, found.roll.ratio
-    if not all(REACH[0] < x < REACH[1] for x in (heading, roll)) or abs(heading - 1) < SLOPE:
+    roll = found.roll.ratio
+    if not _within(heading, REACH) or not _within(roll, REACH) or abs(heading - 1) < SLOPE:
         return
-    if abs(roll / heading - 1) < AGREE and not _gyros_are_wrong(heading, found.force):
+    # a_y over V r nearer to its usual value times the heading's factor than to that value: wrong gyros
+    apart = None if force is None or force.ratio <= 0.0 else log(force.ratio / USUAL_FORCE)
+    gyros = apart is not None and abs(apart - log(heading)) < abs(apart)
+    if abs(roll / heading - 1) < AGREE and not gyros:
         yield stretched(
             1 / heading,
             f"heading and roll angle change {heading:.3g} and {roll:.3g} times as fast as r and p, "
             f"unless both gyros read {1 / heading:.3g} times the true rate",
         )
-
-
-def _gyros_are_wrong(heading: float, force: Relation | None) -> bool:
-    """True where a_y over V r is nearer to its usual value times the heading's factor than to that value."""
-    if force is None or force.ratio <= 0.0:
-        return False
-    apart = log(force.ratio / USUAL_FORCE)
-    return abs(apart - log(heading)) < abs(apart)
-
-
-def _by_heading(heading: float, force: Relation | None) -> Iterator[Note]:
-    agrees = force is not None and FORCE_RANGE[0] < force.ratio < FORCE_RANGE[1]
-    if agrees and REACH[0] < heading < REACH[1] and abs(heading - 1) > HEADING_ONLY:
-        yield stretched(1 / heading, f"the heading changes {heading:.3g} times as fast as r")
 
 
 def stretched_by_applet(t: Array, clock: Array) -> Iterator[Note]:
@@ -346,9 +310,13 @@ def kinematics(found: Relations, given_speed: float | None = None) -> Iterator[N
     """
     yaw = tuple(_yaw(found))
     turned = any(wrong.channel == "ay" and wrong.factor < 0 and not wrong.others for wrong in yaw)
-    for wrong in (*yaw, *_roll(found), *_lean(found, turned)):
+    for wrong in (*yaw, *_roll(found, turned)):
         if wrong.channel == "speed" and given_speed is not None:
-            yield _given(wrong, given_speed)
+            yield Note(
+                "warning",
+                f"the given speed of {given_speed:.4g} m/s does not agree with r and a_y: {wrong.by}, as "
+                f"expected at about {given_speed / abs(wrong.factor):.2g} m/s; give the speed of this run",
+            )
         else:
             yield _fault(wrong)
 
@@ -382,14 +350,11 @@ def _of_force(ratio: float, factor: float, has_heading: bool, lean: Relation | N
     return Wrong("ay", ratio * factor, by, others)
 
 
-def _roll(found: Relations) -> Iterator[Wrong]:
+def _roll(found: Relations, turned: bool) -> Iterator[Wrong]:
+    """Checks p by the roll angle, and by a_y: a rover leans outwards, by less than LEANING."""
     if found.roll is not None and not _within(found.roll.ratio, SAME):
         by = f"the rate of the roll angle is {found.roll.ratio:.3g} times p"
         yield Wrong("p", 1 / found.roll.ratio, by)
-
-
-def _lean(found: Relations, turned: bool) -> Iterator[Wrong]:
-    """Checks p by a_y: a rover leans outwards, by less than LEANING."""
     if found.lean is None:
         return
     ratio = -found.lean.ratio if turned else found.lean.ratio
@@ -409,14 +374,6 @@ def _unit(channel: str, factor: float) -> tuple[str, float] | None:
     off = {unit: abs(np.log(abs(factor) / unit[1])) for unit in UNITS[channel]}
     best = min(off, key=lambda unit: off[unit])
     return best if off[best] < np.log(CLOSE) else None
-
-
-def _given(wrong: Wrong, speed: float) -> Note:
-    return Note(
-        "warning",
-        f"the given speed of {speed:.4g} m/s does not agree with r and a_y: {wrong.by}, as expected at about "
-        f"{speed / abs(wrong.factor):.2g} m/s; give the speed of this run",
-    )
 
 
 def _fault(wrong: Wrong) -> Note:

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import combinations
 from math import log
 
 import numpy as np
 
-from rover_sweep.data.recording import Note, Recording, Signal, stretches
+from rover_sweep.data.recording import Note, Recording, stretches
 from rover_sweep.quality.relations import (
     ALL_CHANNELS,
     AnswerDifference,
@@ -41,43 +41,30 @@ def with_rovers(runs: Sequence[Recording]) -> tuple[Recording, ...]:
     input = "pwm" if all("pwm" in run for run in runs) else "delta"
     prints = {i: fingerprint(r, input) for i, r in enumerate(runs) if input in r and _comparable(r)}
     for i, k in combinations(range(len(runs)), 2):
-        why = _by_log(runs[i].vehicle, runs[k].vehicle)
+        one, two = runs[i].vehicle, runs[k].vehicle
+        other = {
+            key: f"{key} {one[key]} and {two[key]}" for key in one if key in two and one[key] != two[key]
+        }
+        why = "; ".join(other[key] for key in CERTAIN if key in other)
         if not why and i in prints and k in prints:
             why = _by_responses(prints[i], prints[k])
-            changed = _changed_settings(runs[i].vehicle, runs[k].vehicle) if why else ""
-            why += f"; {changed}" if changed else ""
+            why += f"; {', '.join([*other.values()][:4])}" if why and other else ""
         if why and k not in faults:
-            faults[k] = _fault(runs[i].name, runs[k].name, why)
-    marked = ((run, faults.get(i)) for i, run in enumerate(runs))
-    return tuple(_marked(run, fault) if fault else run for run, fault in marked)
+            text = (
+                f"{runs[i].name} and {runs[k].name} are not from the same rover, or it was changed between "
+                f"them: {why}; give runs of one rover only"
+            )
+            faults[k] = Note("warning", text, TWO_ROVERS, ALL_CHANNELS)
+    marked = {i for i, run in enumerate(runs) if any(note.fault == TWO_ROVERS for note in run.notes)}
+    return tuple(
+        replace(run, notes=(*run.notes, faults[i])) if i in faults and i not in marked else run
+        for i, run in enumerate(runs)
+    )
 
 
 def _comparable(run: Recording) -> bool:
     """True when all bands were excited and the low-passes of the sensors are known."""
     return run.kind in WIDE and "r" in run and not any(ASSUMED in f.source for f in run.filters.values())
-
-
-def _marked(run: Recording, fault: Note) -> Recording:
-    known = any(note.fault == TWO_ROVERS for note in run.notes)
-    return run if known else replace(run, notes=(*run.notes, fault))
-
-
-def _fault(first: str, second: str, why: str) -> Note:
-    text = (
-        f"{first} and {second} are not from the same rover, or it was changed between them: {why}; give runs "
-        "of one rover only"
-    )
-    return Note("warning", text, TWO_ROVERS, ALL_CHANNELS)
-
-
-def _by_log(one: Mapping[str, str], two: Mapping[str, str]) -> str:
-    other = [key for key in CERTAIN if key in one and key in two and one[key] != two[key]]
-    return "; ".join(f"{key} {one[key]} and {two[key]}" for key in other)
-
-
-def _changed_settings(one: Mapping[str, str], two: Mapping[str, str]) -> str:
-    other = [key for key in one if key in two and one[key] != two[key]]
-    return ", ".join(f"{key} {one[key]} and {two[key]}" for key in other[:4])
 
 
 def _by_responses(one: Fingerprint, two: Fingerprint) -> str:
@@ -154,7 +141,7 @@ def stopped_at(run: Recording, stop: float) -> Recording:
     beyond = np.abs(run.manoeuvre("delta").x) > (1 + LIMITED) * stop
     if not np.any(np.abs(delta.x) > stop):
         return run
-    limited = Signal(delta.t, np.clip(delta.x, -stop, stop), delta.unit, delta.source, delta.hold)
+    limited = replace(delta, x=np.clip(delta.x, -stop, stop))
     share = 100 * float(np.mean(beyond))
     text = (
         f"the command is beyond max_steering_angle, {stop:.3g} rad, in {share:.0f} % of the run; the wheels "

@@ -173,10 +173,12 @@ def _by_coherence(
     unit: str,
 ) -> Said:
     """Of a run without a fault."""
-    kind = _kind(measured[worst.output])
+    f = measured[worst.output]
+    taken = " and ".join(f.conditioned_on)
+    kind = f"partial coherence (effect of {taken} removed)" if taken else "coherence"
     if worst.covered < COVERED:
         return "repeat", _repeat(worst, kind, next_run, unit)
-    low, high = (float(measured[worst.output].w[k]) for k in (0, -1))
+    low, high = f.w[0], f.w[-1]
     bands = ", ".join(f"{o.output} {o.band[0]:.2g}-{o.band[1]:.3g}" for o in outputs.values() if o.band)
     poor = [name for name, o in outputs.items() if o.band is None]
     rest = f"; {', '.join(poor)} not usable" if poor else ""
@@ -202,14 +204,6 @@ def _repeat(poor: OutputCoherence, kind: str, next_run: AmplitudeProposal, unit:
     return f"repeat at a steady speed and straighter: {why}, though the amplitude is enough"
 
 
-def _kind(f: FrequencyResponse) -> str:
-    return (
-        f"partial coherence (effect of {' and '.join(f.conditioned_on)} removed)"
-        if f.conditioned_on
-        else "coherence"
-    )
-
-
 def _us(amplitude: float, unit: str) -> str:
     return f"{amplitude:.0f}" if unit == "us" else f"{amplitude:.2g}"
 
@@ -224,7 +218,9 @@ def _of_mounting(run: Recording, found: Responses, vehicle: Vehicle | None) -> I
             f"{np.median(r.coherence):.2f}): do the front wheels move, and is it the right output?",
         )
         return
-    if "ay" in found and _low_end(r, found["ay"]) < 0:
+    ay, low = found.get("ay"), r.w <= np.sqrt(r.w[0] * r.w[-1])
+    # the cross product of both answers, in the lower half of the range V |r|^2, is positive for any rover
+    if ay is not None and np.sum((r.h.conj() * ay.h * r.coherence * ay.coherence)[low]).real < 0:
         yield (
             "discard",
             "discard: a_y and the yaw rate point to opposite sides: the autopilot is not mounted as "
@@ -237,12 +233,6 @@ def _of_mounting(run: Recording, found: Responses, vehicle: Vehicle | None) -> I
             "discard: the rover yaws to the opposite side of the steering: rad_per_us of the vehicle file "
             "has the wrong sign, or the autopilot is not mounted as AHRS_ORIENTATION says",
         )
-
-
-def _low_end(r: FrequencyResponse, ay: FrequencyResponse) -> float:
-    """Cross product of both answers in the lower half of the range: V |r|^2, positive, for any rover."""
-    low = r.w <= np.sqrt(r.w[0] * r.w[-1])
-    return float(np.sum((r.h.conj() * ay.h * r.coherence * ay.coherence)[low]).real)
 
 
 def _of_driving(run: Recording) -> Iterator[Said]:
@@ -270,23 +260,13 @@ def _proposed(
     run: Recording, judged: Responses, vehicle: Vehicle | None, servo_60_deg: float | None
 ) -> AmplitudeProposal:
     """The amplitude for the next run like this one [us; rad for a .csv that has the wheels' angle]."""
+    driven, unit = driven_amplitude(run)
     if "pwm" not in run:
-        unit = run["delta"].unit or "rad"
-        driven = _amplitude(run, "delta")
-        return propose_amplitude(judged, driven, _limits_of_wheels(run, judged, driven, vehicle), unit=unit)
-    driven = _amplitude(run, "pwm")
-    scale = _amplitude(run, next(iter(judged.values())).input) / driven
+        limits = _limits_of_wheels(run, judged, driven, vehicle)
+        return propose_amplitude(judged, driven, limits, unit=unit or "rad")
+    scale = float(np.ptp(run.manoeuvre(next(iter(judged.values())).input).x)) / 2 / driven
     limits = _limits(run, judged, scale, vehicle, servo_60_deg)
     return propose_amplitude(judged, driven, limits, WEAK_AMPLITUDE)
-
-
-def _amplitude(run: Recording, channel: str) -> float:
-    return float(np.ptp(run.manoeuvre(channel).x)) / 2
-
-
-def _middle(run: Recording) -> float:
-    x = run.manoeuvre("pwm").x
-    return float((x.max() + x.min()) / 2 - x[0])
 
 
 def _limits(
@@ -296,15 +276,12 @@ def _limits(
     if not found:
         return ()
     w = next(iter(found.values())).w
-    middle = _middle(run) if run.kind == "bias_sweep" else 0.0  # about which is steered, from the trim
+    x, middle = run.manoeuvre("pwm").x, 0.0
+    if run.kind == "bias_sweep":
+        middle = float((x.max() + x.min()) / 2 - x[0])  # about which is steered, from the trim
     return tuple(
         Limit(words, w, np.broadcast_to(np.maximum(us - abs(middle), 1.0), w.shape))
-        for words, us in (
-            *_travel(run.limits),
-            *_servo(w, servo_60_deg),
-            *_tyres(found, run.mean_speed, scale, vehicle),
-            *_applet(found, run.limits, scale),
-        )
+        for words, us in _servo_limits(run, found, scale, vehicle, servo_60_deg)
     )
 
 
@@ -324,7 +301,11 @@ def _limits_of_wheels(
     )
 
 
-def _travel(limits: Mapping[str, float]) -> Iterator[tuple[str, Array]]:
+def _servo_limits(
+    run: Recording, found: Responses, scale: float, vehicle: Vehicle | None, own: float | None
+) -> Iterator[tuple[str, Array]]:
+    """(words, limit [us] or limits (n_w,) [us]) of travel, servo, tyres and applet. own: s/60 deg."""
+    limits = run.limits
     if "SWP_PWM_MAX" in limits:
         yield "SWP_PWM_MAX", np.array(limits["SWP_PWM_MAX"])
     ends = {name.rpartition("_")[2]: us for name, us in limits.items() if name.startswith("SERVO")}
@@ -334,17 +315,15 @@ def _travel(limits: Mapping[str, float]) -> Iterator[tuple[str, Array]]:
         words = f"the end stop ({servo}_MIN and _MAX)"
         yield words, np.array(min(ends["MAX"] - trim, trim - ends["MIN"]))
     else:
-        yield (
-            f"a servo's usual travel ({SERVO_TRAVEL:.0f} us, as no SERVOn_MIN was recorded)",
-            np.array(SERVO_TRAVEL),
-        )
-
-
-def _servo(w: Array, own: float | None) -> Iterator[tuple[str, Array]]:
-    """The rate of a sine of amplitude A is A w."""
-    seconds = own or SERVO_60_DEG[0]
+        words = f"a servo's usual travel ({SERVO_TRAVEL:.0f} us, as no SERVOn_MIN was recorded)"
+        yield words, np.array(SERVO_TRAVEL)
+    seconds = own or SERVO_60_DEG[0]  # the rate of a sine of amplitude A is A w
     words = f"your servo ({own:g} s/60 deg)" if own else f"even a quick servo ({seconds:g} s/60 deg)"
-    yield words, 60 / seconds / HORN_DEG_PER_US / w
+    yield words, 60 / seconds / HORN_DEG_PER_US / next(iter(found.values())).w
+    yield from _tyres(found, run.mean_speed, scale, vehicle)
+    for output, name in (("r", "SWP_R_MAX"), ("p", "SWP_P_MAX")):  # at which the applet stops the run
+        if output in found and name in limits:
+            yield name, MARGIN * np.radians(limits[name]) / _answer(found[output], scale)
 
 
 def _tyres(
@@ -356,13 +335,6 @@ def _tyres(
     if "r" in found and np.isfinite(speed) and speed > 0:
         words = f"the tyres' grip at {speed:.1f} m/s (friction {friction:g}{'' if stated else ', assumed'})"
         yield words, NEAR * friction * GRAVITY / (speed * _answer(found["r"], scale))
-
-
-def _applet(found: Responses, limits: Mapping[str, float], scale: float) -> Iterator[tuple[str, Array]]:
-    """The rates at which the applet stops the run."""
-    for output, name in (("r", "SWP_R_MAX"), ("p", "SWP_P_MAX")):
-        if output in found and name in limits:
-            yield name, MARGIN * np.radians(limits[name]) / _answer(found[output], scale)
 
 
 def _answer(f: FrequencyResponse, scale: float) -> Array:

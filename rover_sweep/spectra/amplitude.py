@@ -98,13 +98,20 @@ def signal_to_noise(f: FrequencyResponse) -> Array:
     return np.asarray(g2 / (1 - g2))
 
 
+def judged_from(f: FrequencyResponse) -> float:
+    """Lowest frequency [rad/s] that is judged: responses that rise with w are lost in noise at the low end.
+
+    For them, 4 times the lowest frequency, or the upper half of a narrow range.
+    """
+    return float(min(RISING_FROM * f.w[0], np.sqrt(f.w[0] * f.w[-1])) if f.output in RISING else f.w[0])
+
+
 def wanted_factor(f: FrequencyResponse, low: float, high: float) -> tuple[float, float, float] | None:
     """(factor of the amplitude, noise to signal as driven, wanted signal to noise) in low..high [rad/s].
 
     Ratios of power. None where the response is not judged: p and V_y' at the low end.
     """
-    start = min(RISING_FROM * f.w[0], np.sqrt(f.w[0] * f.w[-1])) if f.output in RISING else f.w[0]
-    inside = (f.w >= max(low, start) * (1 - 1e-9)) & (f.w <= high * (1 + 1e-9))
+    inside = (f.w >= max(low, judged_from(f)) * (1 - 1e-9)) & (f.w <= high * (1 + 1e-9))
     if np.sum(inside) < 2:
         return None
     ratio = float(np.median(signal_to_noise(f)[inside]))
@@ -182,19 +189,12 @@ def _proposal(
     tightest = min(limits, key=lambda limit: limit.within(first, last), default=None)
     most = tightest.within(first, last) if tightest else np.inf
     if neediest.wanted <= ENOUGH * driven:
-        spare = (
-            f"; {_with_unit(neediest.wanted, unit)} would also be enough"
-            if neediest.wanted < driven / ENOUGH**2
-            else ""
-        )
-        past = (
-            f", but {tightest.words} allows {_with_unit(most, unit)}"
-            if tightest and driven > ENOUGH * most
-            else ""
-        )
-        return AmplitudeProposal(
-            driven, bands, None, None, f"{_with_unit(driven, unit)} is enough{past}{spare}"
-        )
+        sentence = f"{_with_unit(driven, unit)} is enough"
+        if tightest and driven > ENOUGH * most:
+            sentence += f", but {tightest.words} allows {_with_unit(most, unit)}"
+        if neediest.wanted < driven / ENOUGH**2:
+            sentence += f"; {_with_unit(neediest.wanted, unit)} would also be enough"
+        return AmplitudeProposal(driven, bands, None, None, sentence)
     neighbours = [b for b in bands if b.response == neediest.response and b.wanted > 0.9 * neediest.wanted]
     where = f"at {neighbours[0].low:.2g}-{neighbours[-1].high:.3g} rad/s"
     asked = f"{'at least ' if neediest.drowned else ''}{_with_unit(neediest.wanted, unit)}"

@@ -172,15 +172,14 @@ def _levels(name: str, signal: Signal, multisine: Multisine, start: float) -> Li
     amplitude = _staircase_lines(part, w, start, multisine.t_rec) if signal.hold else _sampled_lines(part, w)
     power = np.abs(amplitude) ** 2 / 2
     band = (m >= multisine.odd[0] * periods) & (m <= multisine.odd[-1] * periods)
-    excited, even, odd = (band & np.isin(m, lines * periods) for lines in _lines(multisine))
+    excited, even, odd = (
+        band & np.isin(m, lines * periods)
+        for lines in (multisine.lines, multisine.even, multisine.odd_left_out)
+    )
     between = band & (m % periods != 0)
     noise = _noise(power, between)
     chances = (_chance(power, noise, lines, between) for lines in (even, odd))
     return LineLevels(name, signal.unit, w, np.sqrt(power), excited, even, odd, between, *chances)
-
-
-def _lines(multisine: Multisine) -> tuple[NDArray[np.int64], ...]:
-    return multisine.lines, multisine.even, multisine.odd_left_out
 
 
 def _staircase_lines(steps: Signal, w: Array, start: float, length: float) -> Complex:
@@ -193,7 +192,10 @@ def _staircase_lines(steps: Signal, w: Array, start: float, length: float) -> Co
 
 def _sampled_lines(samples: Signal, w: Array) -> Complex:
     """Complex amplitudes (n_w,) of sines at w [rad/s], fitted to the samples with a straight line."""
-    t, x = _thinned(samples, float(w[-1]))
+    # samples much faster than the lines are averaged in groups, which lowers all lines equally
+    n = max(int(samples.rate * 2 * math.pi / float(w[-1]) / RATE_SHARE), 1)
+    whole = samples.t.size // n * n
+    t, x = (a[:whole].reshape(-1, n).mean(axis=1) for a in (samples.t, samples.x))
     t = t - t[0]
     turned = np.outer(t, w)
     basis = np.hstack((np.ones((t.size, 1)), (t / t[-1])[:, None], np.cos(turned), np.sin(turned)))
@@ -203,14 +205,6 @@ def _sampled_lines(samples: Signal, w: Array) -> Complex:
         )
     found = np.linalg.lstsq(basis, x, rcond=None)[0][2:]
     return np.asarray(found[: w.size] - 1j * found[w.size :])
-
-
-def _thinned(samples: Signal, w_top: float) -> tuple[Array, Array]:
-    """(t, x) of samples much faster than the lines, averaged in groups; lowers all lines equally."""
-    n = max(int(samples.rate * 2 * math.pi / w_top / RATE_SHARE), 1)
-    whole = samples.t.size // n * n
-    t, x = (a[:whole].reshape(-1, n).mean(axis=1) for a in (samples.t, samples.x))
-    return t, x
 
 
 def _noise(power: Array, between: Bool) -> Array:
@@ -300,17 +294,12 @@ class CoarseTransformer:
         for starts, length in self.windows:
             out = np.empty((starts.size, len(plain), self.w.size), dtype=np.complex64)
             for k, start in enumerate(starts):
-                both = self._window(plain, line, start, length)
+                lo, hi = np.searchsorted(self.t, (start, start + length))
+                taper = hann((self.t[lo:hi] - start) / length).astype(np.float32)
+                kernel = taper[:, None] * self.kernel[lo:hi]
+                both = plain[:, lo:hi] @ kernel - line @ (self.basis[lo:hi].T @ kernel)
                 out[k].real, out[k].imag = both[:, : self.w.size], both[:, self.w.size :]
             yield out
-
-    def _window(
-        self, x: NDArray[np.float32], line: NDArray[np.float32], start: float, length: float
-    ) -> NDArray[np.float32]:
-        lo, hi = np.searchsorted(self.t, (start, start + length))
-        taper = hann((self.t[lo:hi] - start) / length).astype(np.float32)
-        kernel = taper[:, None] * self.kernel[lo:hi]
-        return x[:, lo:hi] @ kernel - line @ (self.basis[lo:hi].T @ kernel)
 
 
 def fresh_noise(
@@ -338,16 +327,11 @@ def fresh_noise(
     x = np.fft.irfft(lines, 2 * t.size) * (2 * t.size / period)
     x *= np.concatenate((level, level[:, ::-1]), axis=1)
     for k in np.flatnonzero(integrated):
-        x[:, k] = _integral(x[:, k], period)
+        lines = np.fft.rfft(x[:, k])  # the periodic integral of x minus its mean
+        lines[:, 0] = 0
+        lines[:, 1:] /= 2j * np.pi / period * np.arange(1, lines.shape[1])
+        x[:, k] = np.fft.irfft(lines, x.shape[2])
     return x[:, :, : t.size]
-
-
-def _integral(x: Array, period: float) -> Array:
-    """The periodic integral (count, n) of x minus its mean."""
-    lines = np.fft.rfft(x)
-    lines[:, 0] = 0
-    lines[:, 1:] /= 2j * np.pi / period * np.arange(1, lines.shape[1])
-    return np.fft.irfft(lines, x.shape[1])
 
 
 def _roots(spectra: NoiseSpectra, w: Array) -> Complex:

@@ -17,16 +17,17 @@ once.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from rover_sweep.data.recording import Array, Recording, Signal, data_frame, drawing, stretches
 from rover_sweep.data.results import PlainNumbers, ShortTable, Shown, band_words
-from rover_sweep.spectra.windowed import Complex, WindowSpectra, window_spectra
+from rover_sweep.spectra.windowed import Complex, WindowSpectra, input_spectra
 
 COHERENCE_GOOD = 0.6  # guideline of Tischler & Remple 2012
+CORRELATED = 0.5  # coherence between inputs, above which T&R (chapter 9) advise to repeat the run
 Band = tuple[float, float]
 
 
@@ -148,24 +149,75 @@ def frequency_responses(
     outputs: Sequence[str],
     w: Array,
     windows: Sequence[float],
-    input: str = "delta",
+    inputs: Sequence[str] = ("delta",),
     bands: Mapping[str, Band] | None = None,
-) -> dict[str, FrequencyResponse]:
-    """{output: composite response to the input} over all runs, at w (n_w,) [rad/s] with windows [s].
+) -> dict[str, dict[str, FrequencyResponse]]:
+    """{input: {output: composite response}} over all runs, at w (n_w,) [rad/s] with windows [s].
 
-    Outputs that are zero at w = 0 are computed as jw times the response of their integral: vydot from vy
-    (never by differentiation), p from the integrated roll rate. A window leaks about 2 pi/(T_win w) of a
-    response that rises with w, and nothing of a flat one. (On recordings with known truth the error of p at
-    .3-.5 rad/s fell from 3 dB and 34 deg to .5 dB and 12 deg.) bands: {output: usable band [rad/s]}, default
-    from the coherence.
+    Each of several inputs is conditioned on the others: coherence is then the partial coherence, gxx and gyy
+    are the conditioned autospectra. Outputs that are zero at w = 0 are computed as jw times the response of
+    their integral: vydot from vy (never by differentiation), p from the integrated roll rate. A window leaks
+    about 2 pi/(T_win w) of a response that rises with w, and nothing of a flat one. (On recordings with known
+    truth the error of p at .3-.5 rad/s fell from 3 dB and 34 deg to .5 dB and 12 deg.) bands: {output: usable
+    band [rad/s]} of the first input, default from the coherence.
     """
-    channels = [{input: run.manoeuvre(input)} | {o: transformed(run, o) for o in outputs} for run in runs]
-    spectra = window_spectra(channels, [run.span for run in runs], outputs, windows, w, input)
-    per = runs[0][input].unit
-    chosen = bands or {}
-    return {
-        o: composite_response(input, o, per, channels[0][o].unit, spectra[o], chosen.get(o)) for o in outputs
-    }
+    channels = [
+        {i: run.manoeuvre(i) for i in inputs} | {f"to {o}": transformed(run, o) for o in outputs}
+        for run in runs
+    ]
+    spans, names = [run.span for run in runs], [f"to {o}" for o in outputs]
+    spectra = input_spectra(channels, spans, inputs, names, windows, w)
+    units = {name: signal.unit for name, signal in channels[0].items()}
+    found: dict[str, dict[str, FrequencyResponse]] = {i: {} for i in inputs}
+    for i in inputs:
+        for o in outputs:
+            parts = [s.conditioned(i, f"to {o}") for s in spectra]
+            band = (bands or {}).get(o) if i == inputs[0] else None
+            f = composite_response(i, o, units[i], units[f"to {o}"], parts, band)
+            if len(inputs) > 1:
+                weight = _weights(parts)
+                f = replace(
+                    f,
+                    conditioned_on=tuple(n for n in inputs if n != i),
+                    multiple_coherence=_mean(weight, [s.multiple_coherence(f"to {o}") for s in spectra]),
+                    input_coherence=_mean(weight, [s.input_coherence(i) for s in spectra]),
+                )
+            found[i][o] = f
+    return found
+
+
+def _weights(parts: Sequence[WindowSpectra]) -> Array:
+    """W_i^2 (n_windows, n_w) of the composite's starting values, 0 where a window does not resolve w."""
+    error = np.array([s.random_error for s in parts])
+    return np.where(np.isfinite(error), (error / np.nanmin(error, axis=0)) ** -8.0, 0.0)
+
+
+def _mean(weight: Array, values: Sequence[Array]) -> Array:
+    usable = np.where(weight > 0, np.array(values), 0.0)
+    return np.asarray(np.sum(weight * usable, axis=0) / np.sum(weight, axis=0))
+
+
+def moving(runs: Sequence[Recording], channel: str) -> bool:
+    """True when a channel varies within the manoeuvres, as an input must."""
+    parts = [run.manoeuvre(channel).x for run in runs]
+    return any(x.size and float(np.ptp(x)) > 1e-9 * float(np.max(np.abs(x))) for x in parts)
+
+
+def correlated_inputs(response: FrequencyResponse) -> str | None:
+    """A sentence when the input is strongly correlated with the others in the usable band, else None."""
+    if response.input_coherence is None or response.band is None:
+        return None
+    low, high = response.band
+    inside = (response.w >= low) & (response.w <= high)
+    shared = float(np.mean(response.input_coherence[inside]))
+    if shared <= CORRELATED:
+        return None
+    others = " and ".join(response.conditioned_on)
+    return (
+        f"{others} moves with the steering (mean coherence {shared:.2f} over {low:.2g}-{high:.3g} rad/s, "
+        f"guideline <= {CORRELATED:g}), so their effects cannot be separated well: drive again with "
+        f"{others} constant or moved independently"
+    )
 
 
 RISING = {"vydot": "m/s^2", "p": "rad/s"}  # outputs computed as jw times their integral, and their units

@@ -282,56 +282,126 @@ def _transformers(
     ]
 
 
-def window_spectra(
+ONE_AVERAGE = OVERLAP_CONSTANT**2  # of n_d for each independent average
+
+
+# Spectra of correlated inputs. A throttle that moves with the steering and acts on the rover falsifies the
+# simple response to the steering. At each frequency H = Gxx^-1 Gxy. Its element for one input equals the
+# response between that input and the output after the part that follows the other inputs is removed from both
+# (Bendat and Piersol 2010, chapter 7; Tischler and Remple 2012, chapter 9). The output's autospectrum is
+# conditioned as well.
+
+
+@dataclass(frozen=True, eq=False)
+class InputSpectra:
+    """Averaged spectra of one window length among several inputs and outputs, nan below 2 pi/length.
+
+    gxx (n_w, nu, nu): conj(X_i) X_j; gxy {output: (n_w, nu)}: conj(X_i) Y; gyy {output: (n_w,)}; unit^2 s,
+    scaled by 2/T_win; w (n_w,) [rad/s], length [s]. averages: n_d of `effective_averages`.
+    """
+
+    length: float
+    w: Array
+    inputs: tuple[str, ...]
+    gxx: Complex
+    gxy: Mapping[str, Complex]
+    gyy: Mapping[str, Array]
+    averages: float
+
+    def responses(self, output: str) -> Complex:
+        """H = Gxx^-1 Gxy (n_w, nu), the response of an output to each input, in their units."""
+        h: Complex = np.einsum("wij,wj->wi", _inverse(self.gxx), self.gxy[output])
+        return h
+
+    def multiple_coherence(self, output: str) -> Array:
+        """Share (n_w,) of the output's power that follows all inputs: Gyx Gxx^-1 Gxy / Gyy."""
+        explained = np.einsum("wi,wi->w", self.gxy[output].conj(), self.responses(output)).real
+        return np.asarray(explained / self.gyy[output])
+
+    def input_coherence(self, input: str) -> Array:
+        """Share (n_w,) of an input's power that follows the other inputs."""
+        k, rest = self._split(input)
+        x, g = self.gxx[:, rest, k], self.gxx[:, k, k].real
+        return np.asarray(1 - _without(self.gxx, rest, x, x, g).real / g)
+
+    def conditioned(self, input: str, output: str) -> WindowSpectra:
+        """The spectra input -> output with the effect of the other inputs removed from both.
+
+        Its coherence is the partial coherence |G1y.2|^2 / (G11.2 Gyy.2). Each other input takes one
+        independent average, C^2 in n_d. On correlated white noise the random error is then right within 6 %;
+        without it, up to 20 % too small.
+        """
+        k, rest = self._split(input)
+        x, y = self.gxx[:, rest, k], self.gxy[output][:, rest]
+        gxx = _without(self.gxx, rest, x, x, self.gxx[:, k, k]).real
+        gyy = _without(self.gxx, rest, y, y, self.gyy[output]).real
+        gxy = _without(self.gxx, rest, x, y, self.gxy[output][:, k])
+        left = self.averages - ONE_AVERAGE * len(rest)
+        return WindowSpectra(self.length, self.w, gxx, gyy, gxy, left)
+
+    def _split(self, input: str) -> tuple[int, list[int]]:
+        k = self.inputs.index(input)
+        return k, [i for i in range(len(self.inputs)) if i != k]
+
+
+def _without(gxx: Complex, rest: list[int], a: Complex, b: Complex, gab: Complex | Array) -> Complex:
+    """G_ab.c = G_ab - G_ac Gcc^-1 G_cb (n_w,), c the inputs `rest`; a, b (n_w, n_rest): G_ca, G_cb."""
+    if not rest:
+        return np.asarray(gab, dtype=np.complex128)
+    inverse = _inverse(gxx[:, rest][:, :, rest])
+    taken = np.einsum("wi,wij,wj->w", a.conj(), inverse, b)
+    return np.asarray(gab - taken, dtype=np.complex128)
+
+
+def _inverse(g: Complex) -> Complex:
+    """Pseudo-inverse (n_w, n, n) of input spectra, scaled by their power; inputs without power give 0."""
+    usable = np.all(np.isfinite(g), axis=(1, 2))
+    g = np.where(usable[:, None, None], g, np.eye(g.shape[-1]))
+    power = np.sqrt(np.einsum("wii->wi", g).real)
+    power[power == 0] = 1.0
+    scale = power[:, :, None] * power[:, None, :]
+    inverse = np.linalg.pinv(g / scale, rcond=1e-9, hermitian=True) / scale
+    return np.asarray(np.where(usable[:, None, None], inverse, np.nan), dtype=np.complex128)
+
+
+def input_spectra(
     runs: Sequence[Mapping[str, Signal]],
     spans: Sequence[tuple[float, float]],
+    inputs: Sequence[str],
     outputs: Sequence[str],
     lengths: Sequence[float],
     w: Array,
-    input: str = "delta",
-) -> dict[str, tuple[WindowSpectra, ...]]:
-    """Averaged spectra input -> each output for each window length [s] at w [rad/s], over all runs.
+) -> tuple[InputSpectra, ...]:
+    """Averaged spectra of all inputs and outputs for each window length [s] at w [rad/s], over all runs.
 
-    runs: {channel: signal}, with spans (start, end) [s]. Each window lies within one run. Lengths that fit
-    into no run are left out. ValueError when the longest does not resolve the lowest w.
+    runs: {channel: signal} within the spans (start, end) [s]. Each window lies within one run. Lengths that
+    leave less than one independent average for each input are left out. ValueError when the longest remaining
+    window does not resolve the lowest w.
     """
-    longest = max((n for n in lengths if any(e - s >= n for s, e in spans)), default=0.0)
-    if not longest or w[0] < 2 * np.pi / longest * (1 - 1e-9):
+    averages = {n: effective_averages(spans, n) for n in lengths}
+    used = [n for n in lengths if averages[n] >= ONE_AVERAGE * len(inputs) * (1 - 1e-9)]
+    if not used or w[0] < 2 * np.pi / max(used) * (1 - 1e-9):
+        total = sum(end - start for start, end in spans)
         raise ValueError(
-            f"the longest usable window, {longest:g} s, is too short for {w[0]:g} rad/s: drive longer runs "
-            "or raise the lowest frequency"
+            f"{total:g} s of runs are too short for {len(inputs)} input{'s' * (len(inputs) > 1)} down to "
+            f"{w[0]:g} rad/s: drive longer runs or raise the lowest frequency"
         )
-    sums = {output: [_Sums() for _ in lengths] for output in outputs}
+    sums: list[Any] = [0.0] * len(used)
+    counts, grids = [0] * len(used), [w] * len(used)
     for channels, span in zip(runs, spans, strict=True):
-        for transform, which in _transformers(span, lengths, w):
-            x = transform(channels[input])
-            for output in outputs:
-                y = transform(channels[output])
-                for i, xs, ys in zip(which, x, y, strict=True):
-                    sums[output][i].add(transform.w, xs, ys)
-    return {
-        output: tuple(
-            part.averaged(w, length, effective_averages(spans, length))
-            for part, length in zip(parts, lengths, strict=True)
-            if part.count
-        )
-        for output, parts in sums.items()
-    }
-
-
-class _Sums:
-    """Sums of |X|^2, |Y|^2, conj(X) Y over the windows of one length, at w or on an even grid."""
-
-    def __init__(self) -> None:
-        self.count, self.grid, self.total = 0, np.empty(0), np.zeros((3, 1), dtype=complex)
-
-    def add(self, grid: Array, x: Complex, y: Complex) -> None:
-        new = np.array([np.sum(a.conj() * b, axis=0) for a, b in ((x, x), (y, y), (x, y))])
-        self.grid, self.total = grid, self.total + new
-        self.count += len(x)
-
-    def averaged(self, w: Array, length: float, averages: float) -> WindowSpectra:
-        scale = 2.0 / length / self.count * np.where(w >= 2 * np.pi / length * (1 - 1e-9), 1.0, np.nan)
-        total = self.total if self.grid is w else sinc_interpolated(self.grid, self.total, w)
-        xx, yy, xy = total
-        return WindowSpectra(length, w, scale * xx.real, scale * yy.real, np.asarray(scale * xy), averages)
+        for transform, which in _transformers(span, used, w):
+            parts = [transform(channels[name]) for name in (*inputs, *outputs)]
+            for k, *z in zip(which, *parts, strict=True):
+                pairs = [(a, b) for a in z[: len(inputs)] for b in z] + [(y, y) for y in z[len(inputs) :]]
+                sums[k] = sums[k] + np.array([np.sum(a.conj() * b, axis=0) for a, b in pairs])
+                counts[k], grids[k] = counts[k] + len(z[0]), transform.w
+    found = []
+    for length, total, count, grid in zip(used, sums, counts, grids, strict=True):
+        scale = 2.0 / length / count * np.where(w >= 2 * np.pi / length * (1 - 1e-9), 1.0, np.nan)
+        g = scale * (total if grid is w else sinc_interpolated(grid, total, w))
+        size = len(inputs) * (len(inputs) + len(outputs))
+        gx, gyy = g[:size].reshape(len(inputs), -1, w.size), dict(zip(outputs, g[size:].real, strict=True))
+        gxy = {o: gx[:, len(inputs) + k].T for k, o in enumerate(outputs)}
+        gxx = np.moveaxis(gx[:, : len(inputs)], -1, 0)
+        found.append(InputSpectra(length, w, tuple(inputs), gxx, gxy, gyy, averages[length]))
+    return tuple(found)

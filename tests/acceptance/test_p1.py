@@ -96,7 +96,7 @@ def condition(foreign_recordings: Path) -> Condition:
     if not path.is_file():
         pytest.skip(f"no {path.name} in {path.parent}")
     w = np.unique(np.concatenate([np.geomspace(*band, 20) for band in BANDS.values()]))
-    found = frequency_responses([recorded(path)], tuple(BANDS), w, WINDOWS)
+    found = frequency_responses([recorded(path)], tuple(BANDS), w, WINDOWS)["delta"]
     return Condition(SPEED, tuple(sampled(found[o], band) for o, band in BANDS.items()), {})
 
 

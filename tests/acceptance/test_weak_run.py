@@ -4,7 +4,7 @@ import re
 
 import pytest
 
-from rover_sweep.logs import read_runs
+from rover_sweep.logs.read import read_runs
 from rover_sweep.manoeuvre.sweep import Sweep
 from rover_sweep.quality.verdict import assess
 from rover_sweep.vehicle.events import RunFinished

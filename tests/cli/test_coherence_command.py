@@ -42,7 +42,7 @@ def test_a_whole_run_has_no_warning(run_program: RunProgram) -> None:
 
 
 def test_the_end_of_a_sweep_alone_is_judged(run_program: RunProgram, tmp_path: Path) -> None:
-    from rover_sweep.logs import read_runs
+    from rover_sweep.logs.read import read_runs
 
     (run,) = read_runs(str(NOMINAL / "run1.BIN"))
     t, columns = run.uniform(100)

@@ -20,7 +20,7 @@ from rover_sweep.data.vehicle_file import parse
 from rover_sweep.errors import LinkError, RoverSweepError
 from rover_sweep.identification.toml_form import StructureError, structure_from_text
 from rover_sweep.live.source import Telemetry
-from rover_sweep.logs import read_runs
+from rover_sweep.logs.read import read_runs
 from rover_sweep.quality.verdict import assess
 from rover_sweep.session.folder import DESCRIPTION, VEHICLE_FILE
 from rover_sweep.vehicle.link.link import Link

@@ -7,9 +7,9 @@ from scipy.signal import lfilter
 from synthetic import GEOMETRY, TRUE, driven
 
 from rover_sweep.data.recording import LowPass, Recording
-from rover_sweep.data.results import Intervals
+from rover_sweep.data.results import ByName
 from rover_sweep.identification.bootstrap import Bootstrap
-from rover_sweep.identification.fit import Condition, FitResult, fit
+from rover_sweep.identification.fit import Condition, Estimate, FitResult, fit
 from rover_sweep.identification.grouping import Settings, grouped
 from rover_sweep.identification.models import roll_yaw
 from rover_sweep.manoeuvre.sweep import Sweep
@@ -43,7 +43,7 @@ class Draw:
     """One draw: the fit, its bootstrap intervals, the mean squared residual of the fit."""
 
     fit: FitResult
-    intervals: tuple[Intervals, ...]
+    intervals: ByName[Estimate]
     variance: float
 
 

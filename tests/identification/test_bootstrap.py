@@ -126,7 +126,7 @@ def test_identify_gives_every_model_its_intervals_when_asked(clean):
     run = disturbed(clean, 1.0, np.random.default_rng(5))
     models = identify([run], GEOMETRY, settings=settings).models
     for model in models.values():
-        assert all((e.interval is not None) == e.free for e in model.fit.estimates)
+        assert all((e.interval_90 is not None) == e.free for e in model.fit.estimates)
     bare = identify([run], GEOMETRY, settings=Settings(models=("bicycle",))).models["bicycle"].fit
-    assert all(e.interval is None for e in bare.estimates)
+    assert all(e.interval_90 is None for e in bare.estimates)
     assert bare["C"].value == models["bicycle"].fit["C"].value

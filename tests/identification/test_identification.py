@@ -38,7 +38,7 @@ def test_the_numbers_are_told_before_their_intervals(clean):
     )
     first, last = told[0]["roll-yaw"].fit["C"], result.models["roll-yaw"].fit["C"]
     assert first.value == last.value
-    assert first.interval is None and last.interval is not None
+    assert first.interval_90 is None and last.interval_90 is not None
     words = first_numbers(told[0])
     assert words.startswith(f"first numbers, roll-yaw model: C {first.value:.3g} N/rad, ")
     assert words.endswith("; intervals follow")

@@ -11,7 +11,6 @@ from synthetic import GEOMETRY, TRUE, driven
 
 import rover_sweep as rs
 from rover_sweep.data.recording import Recording
-from rover_sweep.data.results import Intervals
 from rover_sweep.identification import pipeline
 from rover_sweep.identification.grouping import Settings
 from rover_sweep.identification.model_results import recommendation
@@ -93,11 +92,9 @@ def test_a_derivative_at_its_bound_is_no_result(sound: Identification) -> None:
 def test_a_model_whose_intervals_failed_is_not_recommended(
     run: Recording, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    lost = Intervals("C", nan, nan, 0.9, nan, nan, 5, 15)
-
     def failed(models, *_):
         def without(m):
-            return replace(m, fit=replace(m.fit, estimates=tuple(_lost(e, lost) for e in m.fit.estimates)))
+            return replace(m, fit=replace(m.fit, estimates=tuple(_lost(e) for e in m.fit.estimates)))
 
         return {name: without(m) for name, m in models.items()}
 
@@ -106,8 +103,12 @@ def test_a_model_whose_intervals_failed_is_not_recommended(
     assert found.recommended is None and "no interval of C: more than half" in found.summary[0]
 
 
-def _lost(estimate, interval):
-    return replace(estimate, interval=interval) if estimate.name in ("C", "L_eff") else estimate
+def _lost(estimate):
+    return (
+        replace(estimate, low=nan, high=nan, sd=nan, bias=nan)
+        if estimate.name in ("C", "L_eff")
+        else estimate
+    )
 
 
 @pytest.mark.parametrize(
@@ -131,7 +132,7 @@ def test_an_absurd_result_is_poor_however_well_it_fits() -> None:
 
 
 def test_a_more_complete_model_is_not_passed_over_without_a_word(sound: Identification) -> None:
-    poor = sound.models["roll-yaw"].spoilt(("k_phi is odd",))
+    poor = sound.models["roll-yaw"].lowered("poor", ("k_phi is odd",))
     best, sentences = recommendation({**sound.models, "roll-yaw": poor}, None)
     assert best == "bicycle" and sentences[1] == "the roll-yaw model is poor: k_phi is odd"
 

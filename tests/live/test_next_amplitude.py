@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from rover_sweep.data.recording import Recording
-from rover_sweep.logs import read_runs
+from rover_sweep.logs.read import read_runs
 from rover_sweep.manoeuvre.sweep import Sweep
 from rover_sweep.quality.coherence import judged_responses, responses
 from rover_sweep.quality.verdict import assess

@@ -11,7 +11,7 @@ import pytest
 
 from rover_sweep.live.played_source import Track, open_track
 from rover_sweep.live.source import Snapshot
-from rover_sweep.logs import read_logs
+from rover_sweep.logs.read import read_logs
 
 RECORDINGS = (
     "ardurover-4.6.3/applet/run1.tlog",

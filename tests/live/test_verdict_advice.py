@@ -13,8 +13,8 @@ from rover_sweep.data import vehicle_file
 from rover_sweep.data.recording import Recording, Signal
 from rover_sweep.live.source import Verdict
 from rover_sweep.live.verdict import judge, verdict_on_run
-from rover_sweep.logs import read_logs, read_runs
 from rover_sweep.logs.log import Log
+from rover_sweep.logs.read import read_logs, read_runs
 
 ROOT = Path(__file__).parents[2]
 SWEEP = "ardurover-4.6.3/applet/run1.tlog"

@@ -6,7 +6,7 @@ import pytest
 from damage import NOMINAL
 
 from rover_sweep.data.recording import Recording
-from rover_sweep.logs import read_runs
+from rover_sweep.logs.read import read_runs
 
 
 @pytest.fixture(scope="session")

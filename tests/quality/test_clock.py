@@ -13,9 +13,8 @@ from damage import NOMINAL, rewritten
 import rover_sweep as rs
 from rover_sweep.cli.main import run as program
 from rover_sweep.data.recording import Note, Recording
-from rover_sweep.logs import read_logs, read_runs
 from rover_sweep.logs.log import Log
-from rover_sweep.logs.read import runs_of
+from rover_sweep.logs.read import read_logs, read_runs, runs_of
 from rover_sweep.quality.faults import faults_of
 from rover_sweep.quality.relations import STRETCHED, Relation, stretched_by_arrival
 

@@ -13,9 +13,8 @@ from damage import NOMINAL, damaged
 import rover_sweep as rs
 from rover_sweep.cli.main import run as program
 from rover_sweep.data.recording import Recording
-from rover_sweep.logs import read_runs
 from rover_sweep.logs.applet import identity
-from rover_sweep.logs.read import read_logs
+from rover_sweep.logs.read import read_logs, read_runs
 from rover_sweep.quality.rovers import TWO_ROVERS, with_rovers
 
 DATA = NOMINAL.parents[1]

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from rover_sweep.errors import DataRefused
-from rover_sweep.logs import read_runs
+from rover_sweep.logs.read import read_runs
 from rover_sweep.quality.faults import each_with_length, faults_of
 
 DATA = Path(__file__).parents[1] / "data"

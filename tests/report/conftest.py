@@ -12,7 +12,7 @@ from rover_sweep.data.recording import Recording, steered
 from rover_sweep.data.vehicle_file import load
 from rover_sweep.identification.grouping import Settings
 from rover_sweep.identification.pipeline import Identification, identify
-from rover_sweep.logs import read_runs
+from rover_sweep.logs.read import read_runs
 from rover_sweep.report.identification.report import write_report
 from rover_sweep.report.wording import Provenance, provenance
 

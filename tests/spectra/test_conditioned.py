@@ -8,9 +8,8 @@ from scipy.signal import lfilter
 
 from rover_sweep.data.recording import Recording, Signal
 from rover_sweep.manoeuvre.sweep import Sweep
-from rover_sweep.spectra.conditioned import conditioned_responses, correlated_inputs, input_spectra, moving
-from rover_sweep.spectra.response import frequency_responses
-from rover_sweep.spectra.windowed import effective_averages
+from rover_sweep.spectra.response import correlated_inputs, frequency_responses, moving
+from rover_sweep.spectra.windowed import effective_averages, input_spectra
 
 STEP = 0.005
 W = np.geomspace(0.7, 20, 60)
@@ -71,11 +70,11 @@ def runs() -> list[Recording]:
 
 @pytest.fixture(scope="module")
 def found(runs):
-    return conditioned_responses(runs, ["r"], W, WINDOWS, ("delta", "throttle"))
+    return frequency_responses(runs, ["r"], W, WINDOWS, ("delta", "throttle"))
 
 
 def test_the_conditioned_response_is_true_where_the_plain_one_is_not(runs, found):
-    conditioned, plain = found["delta"]["r"], frequency_responses(runs, ["r"], W, WINDOWS)["r"]
+    conditioned, plain = found["delta"]["r"], frequency_responses(runs, ["r"], W, WINDOWS)["delta"]["r"]
     assert np.mean(conditioned.input_coherence) == pytest.approx(0.5, abs=0.1)
     db, deg = errors(conditioned.h, truth(W))
     assert db < 0.5 and deg < 5
@@ -145,7 +144,7 @@ def test_no_seam_leaks(runs):
     }
     other = replace(runs[1], channels=moved)
     kept, shifted = (
-        conditioned_responses([runs[0], r], ["r"], W, (5.0, 12.0), ("delta", "throttle"))
+        frequency_responses([runs[0], r], ["r"], W, (5.0, 12.0), ("delta", "throttle"))
         for r in (runs[1], other)
     )
     for name in ("delta", "throttle"):
@@ -164,7 +163,7 @@ def _constant(s: Signal) -> Signal:
 
 def test_inputs_that_move_as_one_are_told():
     run = two_input_run(3, share=0.97)
-    response = conditioned_responses([run], ["r"], W, WINDOWS[:3], ("delta", "throttle"))["delta"]["r"]
+    response = frequency_responses([run], ["r"], W, WINDOWS[:3], ("delta", "throttle"))["delta"]["r"]
     assert "throttle moves with the steering" in (correlated_inputs(response) or "")
 
 

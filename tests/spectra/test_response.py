@@ -6,7 +6,7 @@ from scipy.optimize import minimize
 
 from rover_sweep.data.recording import Recording, Signal
 from rover_sweep.spectra.response import composite, frequency_responses, usable_band
-from rover_sweep.spectra.windowed import WindowSpectra, window_spectra, window_starts
+from rover_sweep.spectra.windowed import WindowSpectra, input_spectra, window_starts
 
 W = np.geomspace(1.3, 20, 40)
 
@@ -33,7 +33,7 @@ def noise_run(
 
 @pytest.mark.parametrize("jitter", [0.0, 0.45])
 def test_gain_and_delay_come_back_on_uneven_stamps(jitter: float):
-    found = frequency_responses([noise_run(1, jitter=jitter)], ["r"], W, (5, 8, 12))["r"]
+    found = frequency_responses([noise_run(1, jitter=jitter)], ["r"], W, (5, 8, 12))["delta"]["r"]
     assert np.abs(found.h) == pytest.approx(2.0, rel=0.05)
     assert np.angle(found.h * np.exp(1j * W * 0.03)) == pytest.approx(0.0, abs=0.05)
 
@@ -46,7 +46,9 @@ def test_a_staircase_is_taken_as_one():
     u = held[np.minimum((fine / 0.1 + 1e-9).astype(int), t.size - 1)]
     channels = {"delta": Signal(t, held, "rad", hold=True), "r": Signal(fine, u, "rad/s")}
     w = np.geomspace(1.2, 3.0, 20)
-    found = frequency_responses([Recording("stairs", channels, (0, 59.9))], ["r"], w, (6, 10, 15))["r"]
+    found = frequency_responses([Recording("stairs", channels, (0, 59.9))], ["r"], w, (6, 10, 15))["delta"][
+        "r"
+    ]
     assert np.abs(found.h) == pytest.approx(1.0, abs=2e-3)
     assert np.angle(found.h) == pytest.approx(0.0, abs=1e-2)
 
@@ -60,7 +62,7 @@ def test_ten_hertz_samples_keep_their_gain_at_four_hertz():
 
     channels = {"delta": Signal(coarse, wave(coarse), "rad"), "r": Signal(fine, wave(fine), "rad/s")}
     w = np.linspace(20, 23, 8)
-    found = frequency_responses([Recording("ten", channels, (0, 59))], ["r"], w, (5, 8))["r"]
+    found = frequency_responses([Recording("ten", channels, (0, 59))], ["r"], w, (5, 8))["delta"]["r"]
     assert 20 * np.log10(np.abs(found.h)) == pytest.approx(0.0, abs=0.05)
     assert np.degrees(np.angle(found.h)) == pytest.approx(0.0, abs=0.5)
 
@@ -68,7 +70,8 @@ def test_ten_hertz_samples_keep_their_gain_at_four_hertz():
 def test_composite_equals_an_optimiser_at_each_frequency():
     runs = [noise_run(2)]
     channels = [{k: run.manoeuvre(k) for k in ("delta", "r")} for run in runs]
-    spectra = window_spectra(channels, [r.span for r in runs], ["r"], (4, 6, 9, 13), W)["r"]
+    found = input_spectra(channels, [r.span for r in runs], ["delta"], ["r"], (4, 6, 9, 13), W)
+    spectra = [s.conditioned("delta", "r") for s in found]
     gxx, gyy, gxy = composite(spectra)
     for k in (0, 7, 20, 39):
         ours = objective(spectra, k, gxx[k], gyy[k], gxy[k])
@@ -118,7 +121,7 @@ def test_no_window_crosses_a_seam():
     a, b = noise_run(3), noise_run(4)
     shifted = {k: Signal(s.t, s.x + 5.0, s.unit) for k, s in b.channels.items()}
     moved = Recording("moved", shifted, b.span)
-    h = [frequency_responses([a, x], ["r"], W, (5, 8))["r"].h for x in (b, moved)]
+    h = [frequency_responses([a, x], ["r"], W, (5, 8))["delta"]["r"].h for x in (b, moved)]
     assert h[0] == pytest.approx(h[1], rel=1e-9)
 
 

@@ -100,8 +100,8 @@ def sessions(messages: Mapping[str, Frames]) -> Iterator[BootMessages]:
         parts = {n: f.where((f.order >= start) & (f.order < end)) for n, f in single.items()}
         clock = np.maximum.accumulate(times[inside])  # a late message does not move it back
         session = BootMessages({n: f for n, f in parts.items() if len(f)}, order[inside], clock)
-        sorting = {n: np.argsort(session.seconds(n), kind="stable") for n in session.messages}
-        yield replace(session, messages={n: session.messages[n].where(k) for n, k in sorting.items()})
+        late = {n: np.argsort(session.seconds(n), kind="stable") for n in session.messages}
+        yield replace(session, messages={n: session.messages[n].where(k) for n, k in late.items()})
 
 
 def _restarts(times: Array) -> NDArray[np.int64]:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from rover_sweep.data.recording import Recording
-from rover_sweep.data.results import Quantity
+from rover_sweep.data.results import LEVEL, Quantity
 from rover_sweep.data.vehicle_rules import LARGEST_OF_STEERING
 from rover_sweep.identification.acceptance import inertia_of, judged_runs, ordered, rejection
 from rover_sweep.identification.fit import Estimate, FitResult
@@ -33,7 +33,7 @@ def model_document(result: Identification, name: str) -> dict[str, Any]:
     "reason", and "rejected" has the optimiser's numbers.
     """
     model, reason = result.models[name], rejection(result, name)
-    more, some = {}, next((e.interval for e in model.fit.estimates if e.interval), None)
+    more, some = {}, next((e for e in model.fit.estimates if e.interval_90), None)
     # C of the fit with one C for both axles is no parameter of this fit; kept for programs that read C
     if tied := model.variants.get(TIED):
         more["C"] = {**parameters_document(tied, reason)["C"], "variant": TIED}
@@ -42,9 +42,7 @@ def model_document(result: Identification, name: str) -> dict[str, Any]:
         "reference": model.fit.structure.reference,
         "speed_m_s": model.fit.speed,
         "parameters": parameters_document(model.fit, reason) | more,
-        "bootstrap": {"level": some.level, "replicates": some.replicates, "failed": some.failed}
-        if some
-        else None,
+        "bootstrap": {"level": LEVEL, "replicates": some.replicates, "failed": some.failed} if some else None,
         "cost": _cost(model.costs, model.fit.costs),
         "verification": _verification(model.verification[0]) if model.verification else None,
         "verification_runs": [_verification(v) for v in model.verification],
@@ -83,9 +81,9 @@ def _parameter(e: Estimate, reason: str | None) -> dict[str, Any]:
         "value": e.value,
         "cr_percent": e.cr_percent,
         "insensitivity_percent": e.insensitivity_percent,
-        "interval_90": [e.interval.low, e.interval.high] if e.interval else None,
-        "sd": e.interval.sd if e.interval else None,
-        "bias": e.interval.bias if e.interval else None,
+        "interval_90": list(e.interval_90) if e.interval_90 else None,
+        "sd": e.sd,
+        "bias": e.bias,
     }
     shown: dict[str, Any] = dict.fromkeys(numbers) if reason else numbers
     own = {"unit": e.unit, "free": e.free, "at_bound": e.at_bound, "meaning": e.meaning}

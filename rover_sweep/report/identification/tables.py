@@ -87,7 +87,7 @@ def parameter_table(result: Identification, name: str, brief: bool = False) -> T
     """
     model, reason = result.models[name], rejection(result, name)
     free = [e for e in model.fit.estimates if e.free]
-    speed = Estimate("V", "m/s", model.fit.speed, False, None, None, meaning="forward speed")
+    speed = Estimate("V", "m/s", model.fit.speed, meaning="forward speed", free=False)
     fixed = [] if brief else [speed, *(e for e in model.fit.estimates if not e.free)]
     rows = [_free_row(e, reason) for e in free]
     rows += [
@@ -97,7 +97,7 @@ def parameter_table(result: Identification, name: str, brief: bool = False) -> T
         )
         for e in fixed
     ]
-    known = not reason and any(e.interval for e in free)
+    known = not reason and any(e.interval_90 for e in free)
     headings = ("", "description", "value", "unit", "90 % interval" if known else "", "CR %", "I %")
     note = f"The numbers were rejected: {reason}." if reason else ""
     if known and not brief:
@@ -115,7 +115,7 @@ def _free_row(e: Estimate, reason: str | None) -> Cells:
         e.meaning,
         Cell(number(e.value) + (" (at its bound)" if e.at_bound else ""), "strong"),
         unit(e.unit),
-        "free" if e.interval is None else ends_words(e.interval.low, e.interval.high, 4),
+        ends_words(e.low, e.high, 4) if e.interval_90 else "free",
         Cell(percent(e.cr_percent), _guideline_tone(e.cr_percent, CR_GUIDE)),
         Cell(percent(e.insensitivity_percent), _guideline_tone(e.insensitivity_percent, I_GUIDE)),
     )
