@@ -31,7 +31,10 @@ TURNS = HERE.parent / "tests/data/gains/ardurover-4.6.3/acro.BIN"
 PICTURES = ("models.svg", "verification-run4.svg")
 SPEED = 2.45  # m/s, of the recorded turns
 SHOWN = 5.0  # s of them: one corner of 90 degrees
-CONCEALED = (45, SIZE_HERE)  # seed of a rover of the foreign plant, size of its law: tanh tyres that slide at .34 g
+CONCEALED = (
+    45,
+    SIZE_HERE,
+)  # seed of a rover of the foreign plant, size of its law: tanh tyres that slide at .34 g
 COLOURS = {"default": "#B5452C", "proposed": "#1F6FA8"}
 
 
