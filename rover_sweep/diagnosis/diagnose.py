@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from math import exp, log
 
 from threadpoolctl import threadpool_limits
@@ -73,16 +73,6 @@ from rover_sweep.identification.model_results import determined_model
 
 Progress = Callable[[str, float], None]
 STOPPED = "not tried, because the diagnosis was stopped"
-
-
-@dataclass(frozen=True, eq=False)
-class _SpeedAnswer:
-    """The judgement on speed lost in turns; {effect: why} where it cannot be judged, {effect: gain} else."""
-
-    cannot_see: Mapping[str, str] = field(default_factory=dict)
-    gains: Mapping[str, float] = field(default_factory=dict)
-    findings: tuple[Finding, ...] = ()
-    unknown: Unknown | None = None
 
 
 @threadpool_limits.wrap(limits=1, user_api="blas")  # both cores are used by the simulations
@@ -193,10 +183,10 @@ def _answer(
             continue
         worth = tuple(compare_held_out(run, rests[named.law.id], full) for run in held_out)
         findings.append(_finding(named, found, drawn, worth, turn_sentence(turn)))
-    speed = _speed_answer(found, used, held_out, full, settings)
-    findings += speed.findings
+    not_judged, gains, slowed, unknown = _speed_answer(found, used, held_out, full, settings)
+    findings += slowed
     places = mismatches(none.problem.plain, none.closest.rows)
-    left = None if found.stopped else left_unexplained(found, bool(findings)) or speed.unknown
+    left = None if found.stopped else left_unexplained(found, bool(findings)) or unknown
     left, laws = with_laws_of(left, last, held_out, found.families) if left else (left, None)
     variance = last.fitted.data_cost / last.problem.size
     whole = laws.fitted if laws else full
@@ -206,7 +196,7 @@ def _answer(
     total = tuple(compare_held_out(run, nominal, whole) for run in held_out)
     if [f.effect for f in findings] == [SPEED]:  # the models driven with it
         total = findings[0].held_out
-    cannot_see = tuple(Unseen(e, why) for e, why in {**last.cannot_see, **speed.cannot_see}.items())
+    cannot_see = tuple(Unseen(e, why) for e, why in {**last.cannot_see, **not_judged}.items())
     weighed = found.posterior
     # a model that is wrong bounds nothing
     if not found.stopped and not laws and weighed.something_else < 0.5:
@@ -230,7 +220,7 @@ def _answer(
         falsified=_falsified(found) if findings else (),
         parameters=ByName(rover_numbers(last, settings.seed)),
         curves=() if found.stopped else answer_curves(last, drawn),
-        scores={**found.gains, **speed.gains},
+        scores={**found.gains, **gains},
         overlays=overlays(held or used[:1], bool(held), nominal, whole, floor),
         held_out=total,
         remarks=(*remarks_of(used, findings, minor, possible, worse), *map(refuted_words, refuted.items())),
@@ -248,30 +238,31 @@ def _speed_answer(
     held_out: Sequence[HeldOutRun],
     full: Fitted,
     settings: DiagnosisSettings,
-) -> _SpeedAnswer:
-    """Speed lost in turns, where the fitted motion is good enough to know the drag of the turned wheels."""
+) -> tuple[dict[str, str], dict[str, float], tuple[Finding, ...], Unknown | None]:
+    """Speed lost in turns: ({effect: why it cannot be judged}, {effect: gain}, findings, unknown).
+
+    It is judged where the fitted motion is good enough to know the drag of the turned wheels.
+    """
     last = found.last
     if last.model.lumped:
-        return _SpeedAnswer({SPEED: "the lumped model has no front tyre force, whose drag must be known"})
+        why = "the lumped model has no front tyre force, whose drag must be known"
+        return {SPEED: why}, {}, (), None
     if found.stopped:
         judged = set(found.gains) | set(last.cannot_see)
-        return _SpeedAnswer(
-            {e.id: STOPPED for e in library().values() if not (e.id in judged or is_included(e, last.model))}
-        )
+        left = (e.id for e in library().values() if not (e.id in judged or is_included(e, last.model)))
+        return dict.fromkeys(left, STOPPED), {}, (), None
     unnamed = found.posterior.something_else >= 0.5
     if unnamed or max(last.misfit.values(), default=1.0) > NOTABLE:
         why = "the motion is not explained, so the drag of the turned wheels is not known"
-        return _SpeedAnswer({SPEED: why})
+        return {SPEED: why}, {}, (), None
     lost = speed_loss(used, last.model, last.fitted.x, settings.seed)
     if not settings.candidates((SPEED,)):
-        return _SpeedAnswer(unknown=unknown_loss(lost) if lost.found else None)
+        return {}, {}, (), unknown_loss(lost) if lost.found else None
     gains = {SPEED: max(lost.gain, 0.0)}
-    if not lost.found:
-        return _SpeedAnswer(gains=gains)
-    finding = speed_finding(lost, full, held_out)
-    if not earned(finding):
-        return _SpeedAnswer({SPEED: WORSE}, gains=gains)
-    return _SpeedAnswer(gains=gains, findings=(finding,))
+    finding = speed_finding(lost, full, held_out) if lost.found else None
+    if finding and not earned(finding):
+        return {SPEED: WORSE}, gains, (), None
+    return {}, gains, (finding,) if finding else (), None
 
 
 def _finding(

@@ -27,7 +27,7 @@ from rover_sweep.diagnosis.residual_maps import SIGMAS
 from rover_sweep.diagnosis.result import LawCurve, LawHeldOut, Unknown
 from rover_sweep.diagnosis.simulation.augmented import AugmentedModel
 from rover_sweep.diagnosis.simulation.candidates import Coordinate
-from rover_sweep.diagnosis.simulation.table_law import TableLaw, law_at, law_effect
+from rover_sweep.diagnosis.simulation.table_law import FACTORS, OVER, TableLaw, law_at, law_effect
 from rover_sweep.diagnosis.verdict import NOTABLE
 
 # The place of an unknown without a law: where one unmeasured input would explain all channels at once.
@@ -239,24 +239,6 @@ def drawn_laws(found: FoundLaws, one: FoundLaw, number: int, seed: int) -> list[
 # What a law without a name could be, and the run that would tell more, in words.
 
 
-QUANTITIES = {
-    "delta": "the steering angle",
-    "delta_dot": "the rate of the steering angle",
-    "a_y": "a_y",
-    "r": "r",
-    "p": "p",
-    "phi": "the roll angle",
-    "beta": "the sideslip angle",
-    "v": "the speed",
-    "psi": "the heading",
-    "t": "the time in the run",
-    "r_dot": "the yaw acceleration",
-    "p_dot": "the roll acceleration",
-    "v_dot": "the longitudinal acceleration",
-    "signal": "its own signal",
-    "signal_dot": "the rate of its own signal",
-}
-FACTORS = {"delta": "steering angle", "a_y": "a_y", "r": "r", "v^2": "speed squared"}
 _OVER = {
     "t": "something that changes while driving: tyres that warm up, a battery that sags, a load that moves",
     "v": "something that changes with speed",
@@ -330,12 +312,12 @@ def place_words(place: str) -> str:
 
 def over_words(law: TableLaw) -> str:
     """What the law depends on: "r", "the time in the run, times a_y"."""
-    what = QUANTITIES.get(law.over, law.over)
+    what = OVER[law.over][1]
     if law.memory == "lag":
         what = f"what is new in {what} over {law.size:g} s"
     elif law.memory == "play":
         what = f"{what} behind a play"
-    return f"{what}, times {FACTORS[law.times]}" if law.times else what
+    return f"{what}, times {FACTORS[law.times][1]}" if law.times else what
 
 
 def short(law: TableLaw) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from functools import partial
 from math import degrees
 from pathlib import Path
@@ -159,27 +159,19 @@ def _verification(practice: Practice, model: str, check: str) -> dict[str, Any]:
     return {"speed_m_s": v.speed, "j_rms": v.j_rms, "tic": v.tic, "channels": channels}
 
 
-@dataclass(frozen=True)
-class StudyFiles:
-    """Paths of the written files."""
-
-    document: Path
-    page: Path
-    figures: tuple[Path, ...]
-
-
 def write_study(
     study: Study, found: tuple[StudyFinding, ...], directory: Path, progress: Progress
-) -> StudyFiles:
-    """Writes all files, each replaced atomically. UsageError if the directory cannot be written."""
+) -> tuple[Path, Path]:
+    """Writes all files, each replaced atomically: (study.json, study.html).
+
+    UsageError if the directory cannot be written.
+    """
     document = write_file(directory / "study.json", strict_json(study_document(study, found)))
     shown = study_report(study, found)
     charts = made_charts(shown, progress)
-    paths = tuple(
-        write_file(directory / "figures" / f"{name}.svg", chart.svg) for name, chart in charts.items()
-    )
-    page = write_file(directory / "study.html", in_html(shown, charts))
-    return StudyFiles(document, page, paths)
+    for name, chart in charts.items():
+        write_file(directory / "figures" / f"{name}.svg", chart.svg)
+    return document, write_file(directory / "study.html", in_html(shown, charts))
 
 
 OUTCOMES: dict[str, Tone] = {"came out": "good", "came out in part": "muted"}

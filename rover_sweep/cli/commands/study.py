@@ -33,8 +33,10 @@ def study(
     with long_work("the study") as report:
         result = run(seed, lambda share, what: report(0.75 * share, what))
         found = all_findings(result)
-        files = write_study(result, found, Path(out), lambda share, what: report(0.75 + 0.25 * share, what))
+        document, page = write_study(
+            result, found, Path(out), lambda share, what: report(0.75 + 0.25 * share, what)
+        )
     console.print(on_terminal(study_report(result, found), answer_last=True))
-    console.print(f"study: {files.page}", soft_wrap=True)
+    console.print(f"study: {page}", soft_wrap=True)
     if as_json:
-        echo_json(files.document.read_text(encoding="utf-8"))
+        echo_json(document.read_text(encoding="utf-8"))

@@ -136,11 +136,11 @@ class Problem:
             if self.stop():
                 raise Stopped
             moved = motions([(self.runs[run], xs[which[0]]) for run, which in pair], model)
-            return [
-                (k, run, self._rows_of(run, model, xs[k], one))
-                for (run, which), one in zip(pair, moved, strict=True)
-                for k in which
-            ]
+            found = []
+            for (run, which), one in zip(pair, moved, strict=True):
+                own, rows = self.runs[run], [row for row in self.rows if row.run == run]
+                found += [(k, run, whitened_run(rows, own, logged(own, model, xs[k], one))) for k in which]
+            return found
 
         pairs = [drives[k : k + 2] for k in range(0, len(drives), 2)]
         out: list[list[Array]] = [[np.empty(0)] * len(self.runs) for _ in xs]
@@ -148,11 +148,6 @@ class Problem:
             for k, run, rows in found:
                 out[k][run] = rows
         return [np.concatenate(rows) for rows in out]
-
-    def _rows_of(self, run: int, model: Model, x: Mapping[str, float], moved: Mapping[str, Array]) -> Array:
-        """The whitened rows of one run, whose motion is known."""
-        log = logged(self.runs[run], model, x, moved)
-        return whitened_run([row for row in self.rows if row.run == run], self.runs[run], log)
 
     def of(self, rows: Array) -> Array:
         """Whitened rows (size,) or (size, k) in the metric of this problem."""
@@ -213,12 +208,20 @@ def problem(runs: Sequence[Experiment], residuals: Sequence[Mapping[str, Array]]
 
 def with_floor(runs: Sequence[Experiment], floor: Floor) -> Problem:
     """The problem of runs with a known noise floor."""
-    rows, start = [], 0
+    rows, start = list[Rows](), 0
     for k, run in enumerate(runs):
+        f: Array = np.asarray(np.fft.rfftfreq(run.t.size, 1 / RATE), np.float64)
+        energy = np.sum(run.taper**2)
         for channel in run.measured:
-            found = _rows(run, k, channel, floor, start)
-            rows.append(found)
-            start += found.size
+            tops = TOP, 0.4 * run.rates.get(channel, RATE), HIGHEST.get(channel, TOP)
+            top = min(*tops, 0.5 * run.steer_rate + 2.0, floor.top.get(channel, TOP))
+            chosen = np.flatnonzero((f >= max(LOWEST[channel], 0.6 / run.t[-1])) & (f <= top))
+            weight = 1.0 / np.sqrt(floor.at(channel, f[chosen]) * RATE / 4 * energy)
+            if channel in MEANS:
+                chosen = np.concatenate(([0], chosen))
+                weight = np.concatenate(([1.0 / (MEANS[channel] * np.sum(run.taper))], weight))
+            rows.append(Rows(k, channel, chosen, f[chosen], weight, start))
+            start += rows[-1].size
     data = [centred(run) for run in runs]
     measured = whitened(tuple(rows), runs, data)
     return Problem(tuple(runs), floor, tuple(rows), measured, measured)
@@ -233,24 +236,6 @@ def signals_left(run: Experiment, model: Model, x: Mapping[str, float]) -> dict[
     """What a model leaves of the measurements {channel: (n,)}, SI units."""
     log = logged(run, model, x)
     return {c: y - log[c] for c, y in centred(run).items()}
-
-
-def _rows(run: Experiment, index: int, channel: str, floor: Floor, start: int) -> Rows:
-    f: Array = np.asarray(np.fft.rfftfreq(run.t.size, 1 / RATE), np.float64)
-    top = min(
-        TOP,
-        0.4 * run.rates.get(channel, RATE),
-        HIGHEST.get(channel, TOP),
-        0.5 * run.steer_rate + 2.0,
-        floor.top.get(channel, TOP),
-    )
-    chosen = np.flatnonzero((f >= max(LOWEST[channel], 0.6 / run.t[-1])) & (f <= top))
-    energy = np.sum(run.taper**2)
-    weight = 1.0 / np.sqrt(floor.at(channel, f[chosen]) * RATE / 4 * energy)
-    if channel in MEANS:
-        chosen = np.concatenate(([0], chosen))
-        weight = np.concatenate(([1.0 / (MEANS[channel] * np.sum(run.taper))], weight))
-    return Rows(index, channel, chosen, f[chosen], weight, start)
 
 
 def whitened(rows: Sequence[Rows], runs: Sequence[Experiment], logs: Sequence[Mapping[str, Array]]) -> Array:

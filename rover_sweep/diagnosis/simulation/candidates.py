@@ -16,8 +16,8 @@ from rover_sweep.data.recording import Array
 from rover_sweep.diagnosis.effects import Effect, form_named, forms_of, library
 from rover_sweep.diagnosis.effects.effect import DegreeOfFreedom, SpeedEffect
 from rover_sweep.diagnosis.simulation.experiment import Experiment
+from rover_sweep.identification.models import COLUMNS, ROWS, roll_yaw
 from rover_sweep.identification.models import lumped as identified
-from rover_sweep.identification.models import roll_yaw
 
 # The nominal model of a baseline: its coordinates with their bounds and priors.
 #
@@ -131,9 +131,6 @@ def _log(name: str, start: float, unit: str) -> Coordinate:
 # speed here, which makes them valid at every speed; divided by it they are those of
 # `identification.models.lumped`. v is V_y at the place of its measurement, and the position of the IMU is
 # relative to that place. Without V_y the derivatives absorb the position. ISO axes, SI units.
-
-
-ROWS, COLUMNS = ("Y", "L", "N"), ("v", "p", "r", "phi", "delta")
 
 
 def derivatives(rover: Geometry, roll: bool) -> tuple[Coordinate, ...]:

@@ -35,27 +35,32 @@ UNITS = {"steering": "rad", "yaw moment": "N m", "roll moment": "N m"}  # of y; 
 SENSORS = {"r": "rad/s", "ay": "m/s^2", "p": "rad/s", "vy": "m/s"}
 FORCES = ("side force front", "side force rear", "side force", "yaw moment", "roll moment")
 PLACES = ("steering", *FORCES, *(f"sensor of {c}" for c in SENSORS))
-OVER: Mapping[str, str] = {
-    "delta": "rad",
-    "delta_dot": "rad/s",
-    "a_y": "m/s^2",
-    "r": "rad/s",
-    "p": "rad/s",
-    "phi": "rad",
-    "beta": "rad",
-    "v": "m/s",
-    "psi": "rad",
-    "t": "s",
-    "r_dot": "rad/s^2",
-    "p_dot": "rad/s^2",
-    "v_dot": "m/s^2",
-    "signal": "",
-    "signal_dot": "",
+OVER: Mapping[str, tuple[str, str]] = {  # quantity of which a law is a function: (unit, in words)
+    "delta": ("rad", "the steering angle"),
+    "delta_dot": ("rad/s", "the rate of the steering angle"),
+    "a_y": ("m/s^2", "a_y"),
+    "r": ("rad/s", "r"),
+    "p": ("rad/s", "p"),
+    "phi": ("rad", "the roll angle"),
+    "beta": ("rad", "the sideslip angle"),
+    "v": ("m/s", "the speed"),
+    "psi": ("rad", "the heading"),
+    "t": ("s", "the time in the run"),
+    "r_dot": ("rad/s^2", "the yaw acceleration"),
+    "p_dot": ("rad/s^2", "the roll acceleration"),
+    "v_dot": ("m/s^2", "the longitudinal acceleration"),
+    "signal": ("", "its own signal"),
+    "signal_dot": ("", "the rate of its own signal"),
 }
 MEMORIES = ("", "lag", "play", "resonance")
 FASTEST = 20.0  # Hz, of a resonator
 LARGEST = 1e6  # largest accepted number of a table
-FACTORS = ("delta", "a_y", "r", "v^2")  # a table may be multiplied by one of them
+FACTORS: Mapping[str, tuple[str, str]] = {  # a table may be multiplied by one of them: (unit, in words)
+    "delta": ("rad", "steering angle"),
+    "a_y": ("(m/s^2)", "a_y"),
+    "r": ("(rad/s)", "r"),
+    "v^2": ("(m/s)^2", "speed squared"),
+}
 
 
 @dataclass(frozen=True)
@@ -89,14 +94,13 @@ class TableLaw:
     def unit(self) -> str:
         """Unit of y."""
         own = SENSORS.get(self.place.removeprefix("sensor of "), UNITS.get(self.place, "N"))
-        per = {"delta": "rad", "a_y": "(m/s^2)", "r": "(rad/s)", "v^2": "(m/s)^2"}.get(self.times)
-        return f"{own}/{per}" if per else own
+        return f"{own}/{FACTORS[self.times][0]}" if self.times in FACTORS else own
 
     @property
     def over_unit(self) -> str:
         """Unit of x."""
         signal = SENSORS.get(self.place.removeprefix("sensor of "), "")
-        return {"signal": signal, "signal_dot": f"{signal}/s"}.get(self.over, OVER[self.over])
+        return {"signal": signal, "signal_dot": f"{signal}/s"}.get(self.over, OVER[self.over][0])
 
     def at(self, x: Array) -> Array:
         """The table at x (n,)."""
