@@ -36,7 +36,7 @@ from rover_sweep.gains.speed_proposal import SpeedProposal, propose_speed
 from rover_sweep.identification.identify_speed import SpeedResult, speed_parameters
 from rover_sweep.identification.identify_speed import identify_speed as from_sweeps
 from rover_sweep.report.in_html import in_html
-from rover_sweep.report.speed.report import SpeedFindings, speed_document, speed_report
+from rover_sweep.report.speed_report import SpeedFindings, speed_document, speed_report
 
 SPEED_FILE = "speed.json"
 

@@ -25,7 +25,7 @@ from rover_sweep.files.documents import read_json
 from rover_sweep.files.replaced import write_file
 from rover_sweep.report.diagnosis.report import write_diagnosis
 from rover_sweep.report.in_html import in_html
-from rover_sweep.report.season.report import page_names, vehicle_report
+from rover_sweep.report.season_report import page_names, vehicle_report
 from rover_sweep.season.season import season
 from rover_sweep.season.season_result import MeasuredLog, Season, VehicleSeason
 from rover_sweep.spectra.side_by_side import one_thread

@@ -1,4 +1,4 @@
-"""Lines in braille dots for a terminal: two columns and four rows of dots to a character."""
+"""Lines in braille dots for a terminal, two columns and four rows of dots to a character, and their ruler."""
 
 from __future__ import annotations
 
@@ -46,3 +46,13 @@ def _line(cells: list[list[int]], start: Point, end: Point) -> None:
         row = round(start[1] + (end[1] - start[1]) * k / steps)
         if 0 <= column < 2 * len(cells[0]) and 0 <= row < 4 * len(cells):
             cells[row // 4][column // 2] |= _DOTS[column % 2][row % 4]
+
+
+def ruler(labels: list[tuple[float, str]], width: int) -> str:
+    """A line of `width` characters with each label centred at its position 0..1; skips overlapping labels."""
+    line = [" "] * width
+    for place, label in labels:
+        start = min(max(round(place * (width - 1) - len(label) / 2), 0), width - len(label))
+        if all(c == " " for c in line[max(start - 1, 0) : start + len(label) + 1]):
+            line[start : start + len(label)] = label
+    return "".join(line).rstrip()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Sequence
 from typing import Any
 
 import matplotlib
@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
 from rover_sweep.data.recording import Recording
-from rover_sweep.diagnosis.result import Diagnosis, LawCurve, TimeHistory
+from rover_sweep.diagnosis.result import Diagnosis, LawCurve
 from rover_sweep.errors import UsageError
 from rover_sweep.files.documents import printable
 from rover_sweep.identification.identify_speed import SpeedResult
@@ -145,8 +145,21 @@ def _literal(text: str) -> str:
 
 
 def draw_diagnosis(found: Diagnosis, run: str | None, axes: Any) -> Any:
-    """Axes (channels, 2): the signals over time, and the spectrum of the residual over the noise."""
-    return draw_chart(run_and_spectra(_channels(found, run), bool(found.findings)), axes)
+    """Axes (channels, 2): the signals over time, and the spectrum of the residual over the noise.
+
+    run: by default the first held-out run, else the first one.
+    """
+    drawn = [o for o in found.overlays if o.t.size > 1]
+    if not drawn:
+        raise UsageError(
+            "this diagnosis holds no signals to draw (neither has a diagnosis.json); "
+            "load the file that FullDiagnosis.save wrote"
+        )
+    chosen = run or next((o.run for o in drawn if o.held_out), drawn[0].run)
+    if not (channels := [o for o in drawn if o.run == chosen]):
+        names = ", ".join(dict.fromkeys(o.run for o in drawn))
+        raise UsageError(f"there is no run {chosen!r} in this diagnosis; it has {names}")
+    return draw_chart(run_and_spectra(channels, bool(found.findings)), axes)
 
 
 def draw_curves(curves: tuple[LawCurve, ...], axes: Any) -> Any:
@@ -154,21 +167,6 @@ def draw_curves(curves: tuple[LawCurve, ...], axes: Any) -> Any:
     if not curves:
         raise UsageError("this diagnosis has no curves: its model has no tyres, or it was refused")
     return draw_chart(curves_chart(curves), axes)[0]
-
-
-def _channels(found: Diagnosis, run: str | None) -> list[TimeHistory]:
-    """The overlays of a run; by default of the first held-out run, else of the first one."""
-    drawn = [o for o in found.overlays if o.t.size > 1]
-    if not drawn:
-        raise UsageError(
-            "this diagnosis holds no signals to draw (neither has a diagnosis.json); "
-            "load the file that FullDiagnosis.save wrote"
-        )
-    names = list(dict.fromkeys(o.run for o in drawn))
-    chosen = run or next((o.run for o in drawn if o.held_out), names[0])
-    if chosen not in names:
-        raise UsageError(f"there is no run {chosen!r} in this diagnosis; it has {', '.join(names)}")
-    return [o for o in drawn if o.run == chosen]
 
 
 # `ModelResult.plot` and `Verification.plot`: a run that was not fitted, measured and predicted.
@@ -194,11 +192,8 @@ def draw_simulation(
 ) -> Any:
     """Axes (channels,) of simulated and measured channels over time. signals, measured: {channel: (n,)}."""
     both = [c for c in signals if c in measured] or list(signals)
-    wanted = [channels] if isinstance(channels, str) else list(channels or both)
-    if unknown := [c for c in wanted if c not in signals]:
-        raise UsageError(f"the model has no channel {unknown[0]!r}; it has {', '.join(signals)}")
     panels = []
-    for name in wanted:
+    for name in _chosen(channels or both, signals, "the model", "channel"):
         factor = 180 / np.pi if name in DEGREES else 1.0
         lines = [Curve("measured", factor * measured[name], DATA, width=1.0)] if name in measured else []
         lines.append(Curve("simulated", factor * signals[name], **AFTER))
@@ -222,19 +217,23 @@ def draw_responses(
     if not -len(result.groups) <= group < len(result.groups):
         raise UsageError(f"there is no group {group}; the result has {len(result.groups)} group(s) of runs")
     of = result.groups[group]
-    wanted = _known(outputs, of.responses, "response")
-    drawn = {n: result.models[n] for n in _known(models, result.models, "model")} if models else None
-    chart = response_chart(of, shown_models(result) if drawn is None else drawn, outputs=wanted)
+    wanted = _chosen(
+        list(of.responses) if outputs is None else outputs, of.responses, "the result", "response"
+    )
+    drawn = shown_models(result)
+    if models:
+        drawn = {n: result.models[n] for n in _chosen(models, result.models, "the result", "model")}
+    chart = response_chart(of, drawn, outputs=wanted)
     return draw_chart(chart, axes)
 
 
-def _known(names: Sequence[str] | None, known: Mapping[str, Any], what: str) -> list[str]:
-    wanted = [names] if isinstance(names, str) else list(known if names is None else names)
-    for name in wanted:
-        if name not in known:
-            raise UsageError(f"there is no {what} {name!r}; choose from {', '.join(known)}")
+def _chosen(names: str | Sequence[str], known: Collection[str], owner: str, what: str) -> list[str]:
+    """The names as a list; UsageError for an unknown one, and for none."""
+    wanted = [names] if isinstance(names, str) else list(names)
     if not wanted:
-        raise UsageError(f"there is no {what} to draw")
+        raise UsageError(f"no {what} is named; choose from {', '.join(known)}")
+    if missing := [name for name in wanted if name not in known]:
+        raise UsageError(f"{owner} has no {what} {missing[0]!r}; it has {', '.join(known)}")
     return wanted
 
 
@@ -260,12 +259,7 @@ def _shown(run: Recording, channels: Sequence[str] | None) -> list[str]:
     if channels is None:
         steering = next((c for c in ("pwm", "delta") if c in run), None)
         return [c for c in (steering, "r", "ay", "p", "speed") if c is not None and c in run]
-    wanted = [channels] if isinstance(channels, str) else list(channels)
-    if not wanted:
-        raise UsageError(f"no channel is named; choose from {', '.join(run.channels)}")
-    if missing := [c for c in wanted if c not in run]:
-        raise UsageError(f"{run.name} has no channel {missing[0]!r}; it has {', '.join(run.channels)}")
-    return wanted
+    return _chosen(channels, run.channels, run.name, "channel")
 
 
 # `SpeedIdentification.plot`: throttle and speed over time, with the speed that the law simulates.

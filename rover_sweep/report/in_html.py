@@ -2,22 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import cache
-from typing import Any
 
+import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
+from rover_sweep.data.recording import Signal
 from rover_sweep.files.documents import printable_lines
+from rover_sweep.report.charts.chart import kept_points
 from rover_sweep.report.charts.static_svg import (
     ShownChart,
+    in_script,
+    packed,
     page_script,
     page_styles,
     shown_chart,
     view_script,
 )
 from rover_sweep.report.document import ON_PAGE, Document, charts_of, shown
+from rover_sweep.report.wording import versions
 
 Charts = Mapping[str, ShownChart]
 Progress = Callable[[float, str], None]
@@ -50,7 +55,8 @@ def templates() -> Environment:
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
-        finalize=_printable,
+        # makes control characters in names and vehicle texts visible
+        finalize=lambda value: printable_lines(value) if type(value) is str else value,
     )
     made.filters["kind"] = lambda part: type(part).__name__
     made.filters["on_page"] = lambda parts: list(shown(parts, ON_PAGE))
@@ -60,6 +66,36 @@ def templates() -> Environment:
     return made
 
 
-def _printable(value: Any) -> Any:
-    """Makes control characters in names and vehicle texts visible."""
-    return printable_lines(value) if type(value) is str else value
+# The page of a log: all channels as data, and two selects.
+
+
+MOST = 200_000  # points of a page: about 2 MB
+
+
+def log_page(name: str, logs: Sequence[Mapping[str, Signal]]) -> str:
+    """HTML of the logs in one file. Long channels are thinned such that every peak stays."""
+    signals = {
+        (channel if len(logs) == 1 else f"{channel} ({k + 1})"): signal
+        for k, log in enumerate(logs)
+        for channel, signal in log.items()
+        if signal.t.size > 1
+    }
+    start = min((float(s.t[0]) for s in signals.values()), default=0.0)
+    most = MOST // max(len(signals), 1)
+    data = {label: _channel(signal, start, most) for label, signal in signals.items()}
+    page = templates().get_template("log.html.j2")
+    return page.render(name=name, channels=data, data=Markup(in_script(data)), versions=versions())
+
+
+def _channel(signal: Signal, start: float, most: int) -> dict[str, object]:
+    kept = kept_points([signal.x], most)
+    factor, unit = (
+        (180 / np.pi, signal.unit.replace("rad", "deg")) if "rad" in signal.unit else (1.0, signal.unit)
+    )
+    return {
+        "unit": unit.replace("^2", "²"),
+        "source": signal.source,
+        "hold": signal.hold,
+        "t": packed(signal.t[kept] - start),
+        "x": packed(signal.x[kept] * factor),
+    }

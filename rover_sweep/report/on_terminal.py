@@ -14,18 +14,7 @@ from rich.text import Text
 from rover_sweep.data.braille import braille_lines
 from rover_sweep.data.results import number
 from rover_sweep.report.charts.chart import Stack
-from rover_sweep.report.document import (
-    Badge,
-    Document,
-    Figures,
-    Level,
-    Part,
-    Section,
-    Sentence,
-    Table,
-    Terms,
-    shown,
-)
+from rover_sweep.report.document import Document, Figures, Level, Part, Section, Sentence, Table, Terms, shown
 
 STYLES = {"": "", "good": "green", "warn": "yellow", "bad": "bold red", "muted": "dim", "strong": "bold"}
 BADGES = {"good": "bold green", "warn": "bold yellow", "bad": "bold red"}
@@ -104,13 +93,10 @@ def _drawn(
 
 
 def _sentence(part: Sentence) -> RenderableType:
-    style = STYLES[part.tone]
-    words = Wrapped(part.text, style, "- ", "  ") if part.item else Wrapped(part.text, style)
-    return Group(_badge(part.badge), words) if part.badge else words
-
-
-def _badge(badge: Badge) -> Text:
-    return Text(badge.text.upper(), BADGES.get(badge.tone, "bold"))
+    words = Wrapped(part.text, STYLES[part.tone], *(("- ", "  ") if part.item else ()))
+    if part.badge is None:
+        return words
+    return Group(Text(part.badge.text.upper(), BADGES.get(part.badge.tone, "bold")), words)
 
 
 def _section(part: Section, levels: Sequence[Level]) -> Iterator[RenderableType]:

@@ -233,30 +233,29 @@ EVEN = 0.03  # relative difference of both ends of a range up to which they coun
 
 def range_words(bound: UpperBound) -> str:
     """The range that is not excluded, without its unit."""
+
+    def short(value: float) -> str:
+        """Two digits, three from 1 to 2, where a ratio has its values."""
+        return number(value, 3 if 1.0 <= abs(value) < 2.0 else 2)
+
     low, high = bound.low, bound.high
     if low is not None and high is not None and low < 0.0:
         if abs(low + high) <= EVEN * (high - low):
-            return f"\N{PLUS-MINUS SIGN}{_short(max(high, -low))}"
-        return f"{_short(low)} to {_short(high)}"
+            return f"\N{PLUS-MINUS SIGN}{short(max(high, -low))}"
+        return f"{short(low)} to {short(high)}"
     if high is None:
-        return "any" if low is None else f"at least {_short(low)}"
-    return f"up to {_short(high)}" if not low else f"{_short(low)} to {_short(high)}"
-
-
-def _short(value: float) -> str:
-    """Two digits, three from 1 to 2, where a ratio has its values."""
-    return number(value, 3 if 1.0 <= abs(value) < 2.0 else 2)
+        return "any" if low is None else f"at least {short(low)}"
+    return f"up to {short(high)}" if not low else f"{short(low)} to {short(high)}"
 
 
 def hiding_words(unseen: Sequence[Unseen]) -> str:
     """The effects that matter most among those that could still hide, in one sentence; "" for none."""
-    return ", ".join(_effect(u) for u in largest_hidden(unseen))
-
-
-def _effect(u: Unseen) -> str:
-    parts = []
-    for name, bound in u.up_to.items():
-        named = f"{name} " if len(u.up_to) > 1 else ""
-        of = unit(bound.unit).replace("-", "") if bound.unit == "-" else unit(bound.unit)
-        parts.append(f"{named}{range_words(bound)} {of}".rstrip())
-    return f"{title(u.effect)} ({', '.join(parts)})"
+    words = []
+    for u in largest_hidden(unseen):
+        parts = []
+        for name, bound in u.up_to.items():
+            named = f"{name} " if len(u.up_to) > 1 else ""
+            of = "" if bound.unit == "-" else unit(bound.unit)
+            parts.append(f"{named}{range_words(bound)} {of}".rstrip())
+        words.append(f"{title(u.effect)} ({', '.join(parts)})")
+    return ", ".join(words)

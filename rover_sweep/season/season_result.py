@@ -1,4 +1,4 @@
-"""A season as frozen values; `rover_sweep.report.season` writes it."""
+"""A season as frozen values; `rover_sweep.report.season_report` writes it."""
 
 from __future__ import annotations
 

@@ -93,7 +93,7 @@ FORMAT = "rover-sweep session 2"
 # begun: being driven; done: came to its end; stopped: by applet, pilot or abort; cut: link or program died.
 State = Literal["begun", "done", "stopped", "cut"]
 Span = tuple[float, float]
-_KINDS: Mapping[str, type[Manoeuvre]] = {
+KINDS: Mapping[str, type[Manoeuvre]] = {
     "sweep": Sweep,
     "bias_sweep": BiasSweep,
     "doublet": Doublet,
@@ -264,7 +264,7 @@ def _listed(log: Sequence[Any], place: str) -> tuple[int, int, int]:
 
 def _manoeuvre(run: Entry) -> Manoeuvre:
     entry = Entry(run.get("manoeuvre", OBJECT), run.place("manoeuvre"))
-    made = _KINDS[entry.get("kind", one_of(tuple(_KINDS)))]
+    made = KINDS[entry.get("kind", one_of(tuple(KINDS)))]
     entry.only(_names(made))
     # a number that is missing would be driven with its default
     kinds = {field.name: WHOLE if isinstance(field.default, int) else NUMBER for field in fields(made)}

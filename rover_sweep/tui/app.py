@@ -13,19 +13,20 @@ import sys
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from functools import partial
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from textual.actions import ActionParseResult
 from textual.actions import parse as parse_action
+from textual.app import SystemCommand
 from textual.binding import Binding
-from textual.command import DiscoveryHit, Hit, Hits, Provider
 from textual.dom import DOMNode
+from textual.screen import Screen
 from textual.theme import Theme
 
 from rover_sweep.errors import UsageError
 from rover_sweep.live.source import Play, Played, Source
 from rover_sweep.system import STOP_SIGNALS, end_with_parent
-from rover_sweep.tui.drawn import DARK, LIGHT, Palette
+from rover_sweep.tui.drawn import DARK, LIGHT
 from rover_sweep.tui.model.setup import Memory, Setup, remember
 from rover_sweep.tui.model.state import AbortAsked, reduce
 from rover_sweep.tui.screens import frame
@@ -44,41 +45,6 @@ DRIVES = "go"
 ARROWS = ("up", "down", "left", "right")
 
 
-class SessionCommands(Provider):
-    """What the keys do, but for driving: a run is started by its own key alone, not by a search."""
-
-    def _commands(self) -> Iterator[tuple[str, str, DOMNode]]:
-        """(words, action, whose action it is) of the active keys."""
-        if not isinstance(self.screen, SessionScreen):
-            return
-        seen: set[str] = set()
-        for active in self.screen.active_bindings.values():
-            binding = active.binding
-            words = binding.description
-            if binding.action.startswith("view("):
-                words = "view " + binding.action.split("'")[1]
-            offered = (
-                binding.show and active.enabled and binding.action != DRIVES and binding.key not in ARROWS
-            )
-            if offered and words not in seen:
-                seen.add(words)
-                key = binding.key if words.startswith("view ") else binding.key_display or binding.key
-                yield f"{words} ({key.upper()})", binding.action, active.node
-
-    async def discover(self) -> Hits:
-        for words, action, node in self._commands():
-            yield DiscoveryHit(words, partial(self._run, action, node))
-
-    async def search(self, query: str) -> Hits:
-        matcher = self.matcher(query)
-        for words, action, node in self._commands():
-            if (score := matcher.match(words)) > 0:
-                yield Hit(score, matcher.highlight(words), partial(self._run, action, node))
-
-    async def _run(self, action: str, node: DOMNode) -> None:
-        await self.app.run_action(action, node)
-
-
 _SCREENS = (ConnectScreen, PreflightScreen, PlanScreen, RunScreen, VerdictScreen, LogScreen, ResultsScreen)
 _SEEK, _SLOWEST, _FASTEST = 10.0, 0.125, 64.0  # s per key; times real time
 
@@ -90,7 +56,6 @@ class SweepApp(SessionApp):
     """The views and the keys that work in all of them."""
 
     TITLE = "rover-sweep"
-    COMMANDS: ClassVar = {SessionCommands}
     COMMAND_PALETTE_BINDING = "ctrl+p"
     CSS = """
     Screen { background: $background; color: $foreground; }
@@ -120,7 +85,31 @@ class SweepApp(SessionApp):
         super().__init__(source, setup)
         self._first = view
         for palette in (LIGHT, DARK):
-            self.register_theme(_theme(palette))
+            ink, ground = palette.ink, palette.ground
+            self.register_theme(
+                Theme(
+                    palette.name,
+                    ink,
+                    foreground=ink,
+                    background=ground,
+                    surface=ground,
+                    panel=ground,
+                    dark=palette is DARK,
+                )
+            )
+
+    def get_system_commands(self, screen: Screen[Any]) -> Iterator[SystemCommand]:
+        """What the active keys do, but for driving: only its own key starts a run, not a search."""
+        active = screen.active_bindings.values() if isinstance(screen, SessionScreen) else ()
+        seen: set[str] = set()
+        for binding, node in ((a.binding, a.node) for a in active if a.enabled and a.binding.show):
+            view = binding.action.startswith("view(")
+            words = "view " + binding.action.split("'")[1] if view else binding.description
+            if binding.action != DRIVES and binding.key not in ARROWS and words not in seen:
+                seen.add(words)
+                key = binding.key if view else binding.key_display or binding.key
+                act = partial(self.run_action, binding.action, node)
+                yield SystemCommand(f"{words} ({key.upper()})", "", act)
 
     def on_mount(self) -> None:
         self.theme = self.palette.name
@@ -153,8 +142,7 @@ class SweepApp(SessionApp):
                 screen.redraw()
 
     def _redraw_waiting(self) -> None:
-        """Update the elapsed time of a request, even without messages from the rover."""
-        if self.state.busy:
+        if self.state.busy:  # its time goes on without messages from the rover
             self.redraw()
 
     def turn_to(self, view: str, only_from: tuple[str, ...]) -> None:
@@ -250,18 +238,6 @@ class SweepApp(SessionApp):
     def action_pace(self, factor: float) -> None:
         if (playback := self._playback) is not None:
             self.ask(Play(rate=min(max(_SLOWEST, (playback.rate or self._paced) * factor), _FASTEST)))
-
-
-def _theme(palette: Palette) -> Theme:
-    return Theme(
-        palette.name,
-        primary=palette.ink,
-        foreground=palette.ink,
-        background=palette.ground,
-        surface=palette.ground,
-        panel=palette.ground,
-        dark=palette is DARK,
-    )
 
 
 def _close_and_die(source: Source) -> None:

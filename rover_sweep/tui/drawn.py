@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 import textwrap
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TypeVar
 
 from rich.text import Text
 from textual import events
@@ -274,15 +275,23 @@ LEAST = 40  # columns of a question that can be read
 YES = "y"  # not SPACE or ENTER, which are easily pressed by mistake
 
 
-class Question(ModalScreen[bool]):
+T = TypeVar("T")
+
+
+class Box(ModalScreen[T]):
+    """A frame in the middle, over a view that it hides."""
+
+    DEFAULT_CSS = """
+    Box { align: center middle; background: $background; }
+    Box > Vertical { width: 72; max-width: 100%; height: auto; border: heavy $foreground; padding: 1 2; }
+    Box Static { width: 100%; height: auto; }
+    """
+
+
+class Question(Box[bool]):
     """Y is yes; every other key is no. So is Y in a window that is too small to show the whole question."""
 
-    CSS = """
-    Question { align: center middle; background: $background; }
-    Question > Vertical { width: 72; max-width: 100%; height: auto; border: heavy $foreground; padding: 1 2; }
-    Question Static { width: 100%; }
-    Question #yes { text-style: bold reverse; margin-top: 1; }
-    """
+    CSS = "Question #yes { text-style: bold reverse; margin-top: 1; }"
 
     def __init__(self, question: str, yes: str) -> None:
         super().__init__()
@@ -405,8 +414,3 @@ def window(count: int, chosen: int, room: int) -> range:
 def moved(index: int, step: int, count: int) -> int:
     """The index `step` further in a list of `count`, which ends at both ends; 0 in an empty one."""
     return max(0, min(index + step, count - 1))
-
-
-def joined(parts: Iterable[str]) -> str:
-    """The non-empty parts, separated by spaces."""
-    return "   ".join(part for part in parts if part)

@@ -7,7 +7,7 @@ import contextlib
 import json
 import sys
 import time
-from collections.abc import AsyncGenerator, Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import AsyncGenerator, Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
@@ -27,13 +27,13 @@ _PAGES = {"identify": "report.html", "diagnose": "diagnosis.html", "gains": "gai
 
 def page_of(kind: str, out: Path) -> Path | None:
     """The HTML report, None if it does not exist."""
-    names = (_PAGES.get(kind, "report.html"), *(("speed.html",) if kind == "identify" else ()))
+    names = (_PAGES[kind], *(("speed.html",) if kind == "identify" else ()))
     return next((out / name for name in names if (out / name).is_file()), None)
 
 
 def summary_of(kind: str, out: Path) -> tuple[str, ...]:
     """Sentences, the main result first; the error if the document cannot be read."""
-    words = _words(out / _DOCUMENTS.get(kind, ""), kind)
+    words = _words(out / _DOCUMENTS[kind], kind)
     return words + _words(out / "speed.json", "speed") if kind == "identify" else words
 
 
@@ -184,13 +184,6 @@ async def run_job(job: AnalysisJob) -> AsyncGenerator[AnalysisJob, None]:
     yield ended(replace(job, seconds=time.monotonic() - began), code)
 
 
-async def _run_to_its_end(job: AnalysisJob) -> AnalysisJob:
-    async with contextlib.aclosing(run_job(job)) as going:
-        async for going_on in going:
-            job = going_on
-    return job
-
-
 async def _end(process: asyncio.subprocess.Process) -> None:
     process.terminate()
     try:
@@ -204,28 +197,12 @@ def ended(job: AnalysisJob, code: int) -> AnalysisJob:
     """The job with outcome, output, summary and page, by its exit code (130: interrupted, with a report)."""
     lines = tuple(row for row in (*job.output.splitlines(), *job.lines) if row.strip())[-_KEPT:]
     if code not in (0, 130):
-        return replace(
-            job, outcome="failed", lines=lines or (f"it ended with exit code {code}",), process=None
-        )
-    summary = summary_of(job.kind, job.out) if job.out is not None else ()
-    page = page_of(job.kind, job.out) if job.out is not None else None
-    return replace(job, outcome="done", lines=lines, summary=summary, page=page, process=None)
-
-
-def gains_of(report: Path, logs: Sequence[Path], out: Path) -> tuple[str, ...]:
-    """The command line of `gains`; logs: of the vehicle, with its current parameters."""
-    now = ("--now", str(logs[-1])) if logs else ()
-    return ("gains", str(report), *now, "--out", str(out))
-
-
-def arguments_of(kind: str, recordings: Sequence[Path], vehicle: Path, out: Path) -> tuple[str, ...]:
-    """The command line of `identify` or `diagnose`."""
-    return (kind, *(str(path) for path in recordings), "--vehicle", str(vehicle), "--out", str(out))
-
-
-def free_path(folder: Path, name: str, taken: Collection[Path] = ()) -> Path:
-    """The first path of report, report-2, ... that neither exists nor is taken by a running job."""
-    return next(path for path in numbered(folder / name) if not path.exists() and path not in taken)
+        lines = lines or (f"it ended with exit code {code}",)
+        return replace(job, outcome="failed", lines=lines, process=None)
+    job = replace(job, outcome="done", lines=lines, process=None)
+    if job.out is None:
+        return job
+    return replace(job, summary=summary_of(job.kind, job.out), page=page_of(job.kind, job.out))
 
 
 NAMES = {"identify": "report", "diagnose": "diagnosis", "gains": "gains.param"}
@@ -258,12 +235,14 @@ class Analyses:
     def start(self, kind: str, state: State, folder: Path, vehicle: Path, report: Path | None = None) -> None:
         """Start identify or diagnose into a new folder in `folder`, or gains from `report` into a .param file
         there."""
-        taken = {job.out for job in self.jobs if job.out is not None}
-        out = free_path(folder, NAMES[kind], taken)
-        if kind == "gains" and report is not None:
-            job = AnalysisJob(kind, gains_of(report, state.logs, out), out, source=report)
+        taken = {job.out for job in self.jobs}
+        out = next(p for p in numbered(folder / NAMES[kind]) if not p.exists() and p not in taken)
+        source = report if kind == "gains" else None
+        if source is not None:  # with the current parameters, which the vehicle's log has
+            given = (str(source), *(("--now", str(state.logs[-1])) if state.logs else ()))
         else:
-            job = AnalysisJob(kind, arguments_of(kind, command_inputs(state, folder), vehicle, out), out)
+            given = (*map(str, command_inputs(state, folder)), "--vehicle", str(vehicle))
+        job = AnalysisJob(kind, (kind, *given, "--out", str(out)), out, source=source)
         self.jobs = (*self.jobs, job)
         self._tasks[job.arguments] = asyncio.create_task(self._follow(job))
 
@@ -293,9 +272,17 @@ class Analyses:
     def propose(self, rows: tuple[Row, ...], vehicle: Path) -> None:
         """Start `rover-sweep plan` to propose runs in addition to these rows."""
         given = [part for row in rows if row.kind != "throttle" for part in _as_option(row)]
-        job = AnalysisJob("plan", ("plan", "--vehicle", str(vehicle), "--json", *given))
         self.proposing, self.proposal = "this takes about 20 s", ()
-        self._tasks[job.arguments] = asyncio.create_task(self._proposed(job))
+
+        def take(job: AnalysisJob, document: Any) -> None:
+            self.proposal = rows_of_plan(document) if job.outcome == "done" else ()
+            failed = f"no proposal: {job.last}" if job.outcome == "failed" else "no further runs are needed"
+            self.proposing = "" if self.proposal else failed
+
+        def refuse(error: Exception) -> None:
+            self.proposing = f"no proposal: {error}"
+
+        self._answer("plan", ("plan", "--vehicle", str(vehicle), "--json", *given), take, refuse)
 
     def choose_next(
         self, inputs: tuple[Path, ...], vehicle: Path, speed: float, add: Callable[[tuple[Row, ...]], object]
@@ -306,9 +293,18 @@ class Analyses:
         """
         runs = (str(path) for path in inputs)
         arguments = ("investigate", *runs, "--vehicle", str(vehicle), "--speed", f"{speed:g}", "--json")
-        job = AnalysisJob("investigate", arguments)
         self.next_step, self.choosing = "diagnosing the runs; this takes up to a minute", True
-        self._tasks[arguments] = asyncio.create_task(self._chosen(job, add))
+
+        def take(job: AnalysisJob, document: Any) -> None:
+            self.choosing = False
+            self.next_step = str(document["sentence"]) if document else f"no next step: {job.last}"
+            if rows := rows_of_plan(document):
+                add(rows)
+
+        def refuse(error: Exception) -> None:
+            self.next_step, self.choosing = f"no next step: {error}", False
+
+        self._answer("investigate", arguments, take, refuse)
 
     async def _follow(self, job: AnalysisJob) -> None:
         mine = job.arguments
@@ -329,28 +325,28 @@ class Analyses:
         self.jobs = tuple(job if other.arguments == job.arguments else other for other in self.jobs)
         self._changed()
 
-    async def _proposed(self, job: AnalysisJob) -> None:
-        try:
-            job = await _run_to_its_end(job)
-            self.proposal = rows_of_plan(json.loads(job.output)) if job.outcome == "done" else ()
-            self.proposing = "" if self.proposal else _none(job)
-        except (OSError, ValueError, KeyError, TypeError) as error:
-            self.proposing = f"no proposal: {error}"
-        self._tasks.pop(job.arguments, None)
-        self._changed()
+    def _answer(
+        self,
+        kind: str,
+        arguments: tuple[str, ...],
+        take: Callable[[AnalysisJob, Any], object],
+        refuse: Callable[[Exception], object],
+    ) -> None:
+        """Start a command that prints JSON. take: called at its end with the document, {} if it failed."""
 
-    async def _chosen(self, job: AnalysisJob, add: Callable[[tuple[Row, ...]], object]) -> None:
-        try:
-            job = await _run_to_its_end(job)
-            document = json.loads(job.output) if job.outcome == "done" else {}
-            self.next_step = str(document["sentence"]) if document else f"no next step: {job.last}"
-            if rows := rows_of_plan(document):
-                add(rows)
-        except (OSError, ValueError, KeyError, TypeError) as error:
-            self.next_step = f"no next step: {error}"
-        self.choosing = False
-        self._tasks.pop(job.arguments, None)
-        self._changed()
+        async def follow() -> None:
+            job = AnalysisJob(kind, arguments)
+            try:
+                async with contextlib.aclosing(run_job(job)) as going:
+                    async for going_on in going:
+                        job = going_on
+                take(job, json.loads(job.output) if job.outcome == "done" else {})
+            except (OSError, ValueError, KeyError, TypeError) as error:
+                refuse(error)
+            self._tasks.pop(arguments, None)
+            self._changed()
+
+        self._tasks[arguments] = asyncio.create_task(follow())
 
 
 def _before(folder: Path) -> Iterator[AnalysisJob]:
@@ -364,12 +360,6 @@ def _before(folder: Path) -> Iterator[AnalysisJob]:
     for out in sorted(folder.glob("gains*.param")):
         lines = tuple(out.read_text(encoding="utf-8", errors="replace").splitlines())
         yield AnalysisJob("gains", ("gains", str(out)), out, "done", (*lines, f"parameters in {out}"))
-
-
-def _none(job: AnalysisJob) -> str:
-    if job.outcome == "failed":
-        return f"no proposal: {job.last}"
-    return "no further runs are needed"
 
 
 def _as_option(row: Row) -> tuple[str, str]:

@@ -152,7 +152,7 @@ def test_the_drawn_numbers_are_the_results(runs: Runs, result: rs.Result) -> Non
     [
         (lambda runs, result: runs.plot("yaw"), "run1 has no channel 'yaw'; it has pwm"),
         (lambda runs, result: runs[:0].plot(), "there is no run to draw"),
-        (lambda runs, result: result.plot(["x"]), "there is no response 'x'; choose from r"),
+        (lambda runs, result: result.plot(["x"]), "the result has no response 'x'; it has r"),
         (lambda runs, result: result.plot(models=["tricycle"]), "no model 'tricycle'"),
         (lambda runs, result: result.plot(group=3), "there is no group 3"),
         (lambda runs, result: result.responses["r"].plot(axes="r"), "axes holds a str"),

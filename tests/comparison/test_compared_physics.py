@@ -16,7 +16,7 @@ from rover_sweep.diagnosis.simulation.augmented import augmented
 from rover_sweep.diagnosis.simulation.candidates import Model
 from rover_sweep.diagnosis.simulation.experiment import experiment
 from rover_sweep.errors import DataRefused, UsageError
-from rover_sweep.report.comparison.report import write_comparison
+from rover_sweep.report.comparison_report import write_comparison
 from rover_sweep.report.wording import provenance
 from sitl.plant.variant import load_variant
 from tests.comparison.pairs import RECORDED, drive, vehicle_file

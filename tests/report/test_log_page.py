@@ -12,7 +12,7 @@ from click.testing import CliRunner
 
 from rover_sweep.cli.main import cli
 from rover_sweep.data.recording import Signal
-from rover_sweep.report.view.log_page import log_page
+from rover_sweep.report.in_html import log_page
 
 
 def channels(html: str) -> dict[str, dict[str, str]]:

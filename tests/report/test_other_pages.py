@@ -11,7 +11,7 @@ import numpy as np
 from rover_sweep.comparison.answer import Bode
 from rover_sweep.report.charts.diagnosis_charts import bode_chart
 from rover_sweep.report.in_html import in_html
-from rover_sweep.report.season.report import vehicle_report
+from rover_sweep.report.season_report import vehicle_report
 from rover_sweep.season.season_result import DayValue, TrackedQuantity, VehicleSeason
 
 

@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterable
 from dataclasses import replace
+from functools import reduce as folded
 from pathlib import Path
 
 from scripted_source import ROVER, SWEEP, TLOG, snapshot
 
-from rover_sweep.live.source import CoherenceBand, DriveRequest, Lost, Preflight, Verdict
+from rover_sweep.live.source import CoherenceBand, DriveRequest, Lost, Preflight, Update, Verdict
 from rover_sweep.session.content import Content, DrivenRun, FetchedLog, SessionRun
 from rover_sweep.tui.drawn import LIGHT
 from rover_sweep.tui.jobs import Analyses, AnalysisJob, summary_of
 from rover_sweep.tui.model.plan_rows import Row, task
 from rover_sweep.tui.model.setup import fetched_logs, is_kept, records
-from rover_sweep.tui.model.state import AbortAsked, Asked, RunRecord, State, reduced
+from rover_sweep.tui.model.state import AbortAsked, Asked, Own, RunRecord, State, reduce
 from rover_sweep.tui.screens.frame import message, status
 from rover_sweep.tui.screens.plan import last_outcome
 from rover_sweep.tui.screens.run import why_kept
@@ -22,6 +24,10 @@ from rover_sweep.vehicle.events import Connected, Rebooting
 from rover_sweep.vehicle.run.controls import RunSettings
 
 DRIVE = DriveRequest(SessionRun("sweep1", SWEEP, 2.0), RunSettings())
+
+
+def reduced(state: State, many: Iterable[Update | Own]) -> State:
+    return folded(reduce, many, state)
 
 
 def done(kind: str, out: str) -> AnalysisJob:

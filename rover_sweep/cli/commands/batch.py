@@ -54,7 +54,7 @@ def batch(
     from rover_sweep.batch import measured_logs as measured
     from rover_sweep.batch.season_of_logs import diagnosed_days, drawn_pages, season_of_logs
     from rover_sweep.report.on_terminal import on_terminal
-    from rover_sweep.report.season.report import season_document, season_report, write_season
+    from rover_sweep.report.season_report import season_document, season_report, write_season
 
     if scheduler and workers:
         raise UsageError(

@@ -210,7 +210,7 @@ def correct(call: TwinCall = TWIN) -> None:
     from rover_sweep.cli.views.asking import Interruption
     from rover_sweep.data.vehicle_file import load
     from rover_sweep.redrive.recorded_course import refuse_instant, simulated_rover
-    from rover_sweep.report.comparison.report import twin_report, write_twin
+    from rover_sweep.report.comparison_report import twin_report, write_twin
     from rover_sweep.report.on_terminal import WIDTH, on_terminal
     from rover_sweep.twin.loop import with_measured
 

@@ -105,7 +105,7 @@ def gains(
     else:
         from rover_sweep.report.gains_report import gains_report
         from rover_sweep.report.on_terminal import on_terminal
-        from rover_sweep.report.speed.report import speed_gains_report
+        from rover_sweep.report.speed_report import speed_gains_report
 
         console = results()
         if both.steering is not None:

@@ -120,7 +120,7 @@ def view(
     from rover_sweep.cli.views.asking import long_work
     from rover_sweep.files.replaced import write_file
     from rover_sweep.logs.read import read_logs
-    from rover_sweep.report.view.log_page import log_page
+    from rover_sweep.report.in_html import log_page
 
     page = Path(out or f"{Path(log).stem}.html")
     refuse_input(str(page), log, reading.columns if isinstance(reading.columns, str) else None)

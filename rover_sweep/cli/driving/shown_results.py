@@ -26,13 +26,13 @@ from rover_sweep.identification.identify_speed import SpeedResult, identify_spee
 from rover_sweep.identification.model_results import ModelResult
 from rover_sweep.identification.pipeline import Identification
 from rover_sweep.identification.state_space import ModelStructure
-from rover_sweep.report.comparison.report import comparison_report, write_comparison
+from rover_sweep.report.comparison_report import comparison_report, write_comparison
 from rover_sweep.report.diagnosis.report import diagnosis_report, write_diagnosis
 from rover_sweep.report.document import Table
 from rover_sweep.report.identification.report import identification_report
 from rover_sweep.report.identification.sentences import first_numbers
 from rover_sweep.report.on_terminal import WIDTH, on_terminal
-from rover_sweep.report.speed.report import speed_report
+from rover_sweep.report.speed_report import speed_report
 from rover_sweep.report.wording import SHOWN_UNITS, Provenance, provenance
 
 Rover = tuple[Vehicle, Path]

@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from rover_sweep.cli.views.display import blocks, bullet, fact, ruler
+from rover_sweep.cli.views.display import blocks, bullet, fact
 from rover_sweep.cli.views.output import echo
-from rover_sweep.data.braille import braille_lines
+from rover_sweep.data.braille import braille_lines, ruler
 from rover_sweep.data.geometry import GRAVITY
 from rover_sweep.data.vehicle_file import Vehicle
 from rover_sweep.design.demand import (

@@ -123,8 +123,8 @@ def bode_stack(
         ("magnitude, dB", "phase, deg"), (magnitude, phase), spreads, (20, least), heights, strict=False
     )
     panels = [
-        Panel(label, w, lines, areas, limits_around([line.y[inside] for line in lines], least), height=height)
-        for label, lines, areas, least, height in rows
+        Panel(label, w, lines, areas, limits_around([line.y[inside] for line in lines], apart), height=height)
+        for label, lines, areas, apart, height in rows
     ]
     panels.append(
         Panel(coherence.label, w, (coherence,), limits=(0.0, 1.04), levels=levels, height=heights[2])
@@ -227,16 +227,9 @@ DAY = 86400.0  # s
 
 def season_chart(quantities: Sequence[TrackedQuantity], drifts: Sequence[Drift]) -> Chart:
     """A small chart of each quantity with its 90 % interval, the changed ones first, changes shaded."""
-    ordered, changed = changed_first(quantities, drifts)
-    return Chart(tuple(_course(q, changed.get(q.name)) for q in ordered if q.days), columns=3)
-
-
-def changed_first(
-    quantities: Sequence[TrackedQuantity], drifts: Sequence[Drift]
-) -> tuple[list[TrackedQuantity], dict[str, Drift]]:
-    """(quantities, those with a change first; {quantity: its change})."""
     changed = {d.quantity: d for d in drifts if d.kind in ("gradual", "step")}
-    return sorted(quantities, key=lambda q: q.name not in changed), changed
+    ordered = sorted(quantities, key=lambda q: q.name not in changed)
+    return Chart(tuple(_course(q, changed.get(q.name)) for q in ordered if q.days), columns=3)
 
 
 def _course(q: TrackedQuantity, drift: Drift | None) -> Stack:

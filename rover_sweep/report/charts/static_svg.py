@@ -50,7 +50,7 @@ def svg(chart: Chart) -> str:
             drawn = f'<g transform="translate(0 {lower})">{"".join(_stack(stack, width))}</g>'
             place = f"translate({i * (width + 20):.0f} {top:.0f})"
             out.append(f'<g transform="{place}">{"".join(texts)}{drawn}</g>')
-        top += lower + max(_height(s) for s in row) + 8
+        top += lower + max(sum(p.height + GAP for p in s.panels) for s in row) + TITLE + KEY + FOOT + 8
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {chart.width} {top:.0f}" '
         f'font-family="system-ui, Arial, sans-serif" font-size="12" fill="none">'
@@ -62,10 +62,6 @@ def _title_lines(title: str, room: int) -> list[str]:
     """The title in lines of at most `room` characters, broken after a semicolon where there is one."""
     parts = [title] if len(title) <= room else title.split("; ")
     return [line for part in parts for line in wrap(part, room, break_on_hyphens=False) or [""]]
-
-
-def _height(stack: Stack) -> float:
-    return TITLE + KEY + FOOT + sum(p.height + GAP for p in stack.panels)
 
 
 def _stack(stack: Stack, width: float) -> Iterator[str]:
@@ -225,7 +221,7 @@ def page_script() -> str:
 @cache
 def view_script() -> str:
     """The script of a log's page."""
-    return (files("rover_sweep.report.view") / "view_log.js").read_text(encoding="utf-8")
+    return (files("rover_sweep.report.charts") / "view_log.js").read_text(encoding="utf-8")
 
 
 @cache
@@ -242,9 +238,9 @@ def _uplot_stack(stack: Stack) -> dict[str, Any]:
         "xLabel": printable(stack.x_label),
         "kind": stack.kind,
         "labels": [printable(label) for label in stack.labels],
-        "span": list(stack.span),
-        "shades": [list(s) for s in stack.shades],
-        "marks": [list(m) for m in stack.marks],
+        "span": stack.span,
+        "shades": stack.shades,
+        "marks": stack.marks,
         "panels": [_uplot_panel(p, "<f8" if stack.kind == "date" else "<f4") for p in stack.panels],
     }
 
@@ -255,8 +251,8 @@ def _uplot_panel(panel: Panel, kind: str) -> dict[str, Any]:
     return {
         "label": printable(panel.label),
         "height": panel.height,
-        "limits": list(shown_limits(panel)),
-        "levels": list(panel.levels),
+        "limits": shown_limits(panel),
+        "levels": panel.levels,
         "bytes": int(kind[-1]),
         "x": packed(panel.x[kept], kind),
         "spreads": [
@@ -264,17 +260,7 @@ def _uplot_panel(panel: Panel, kind: str) -> dict[str, Any]:
             for s in panel.spreads
         ],
         "lines": [
-            {
-                "label": printable(item.label),
-                "y": packed(item.y[kept]),
-                "colour": item.colour,
-                "dash": list(item.dash),
-                "width": item.width,
-                "step": item.step,
-                "dots": item.dots,
-                "bars": item.bars,
-            }
-            for item in panel.lines
+            vars(item) | {"label": printable(item.label), "y": packed(item.y[kept])} for item in panel.lines
         ],
     }
 
@@ -284,24 +270,16 @@ def _uplot_panel(panel: Panel, kind: str) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class ShownChart:
-    """A chart of a page. svg: its static form; data: JSON, "" for none."""
+    """A chart of a page. svg: its static form, every text in it escaped; data: JSON that ends no element, ""
+    for none."""
 
     caption: str
-    svg: str
-    data: str = ""
-
-    @property
-    def static(self) -> Markup:
-        """The SVG as markup: `static_svg` escapes every text in it."""
-        return Markup(self.svg)
-
-    @property
-    def script(self) -> Markup:
-        """The JSON as markup: `in_script` leaves nothing that could end its element."""
-        return Markup(self.data)
+    svg: Markup
+    data: Markup = Markup()
 
 
 def shown_chart(plan: ChartPlan) -> ShownChart:
     """A chart with its static SVG."""
     chart = plan.make()
-    return ShownChart(plan.caption, svg(chart), chart_json(chart) if plan.interactive else "")
+    data = Markup(chart_json(chart)) if plan.interactive else Markup()
+    return ShownChart(plan.caption, Markup(svg(chart)), data)

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
 from rover_sweep.data.codec import coded_by, decoded, encoded, in_json
 from rover_sweep.data.recording import Recording
-from rover_sweep.diagnosis.result import Diagnosis, Finding, Fit, HeldOut, TimeHistory, UpperBound
+from rover_sweep.diagnosis.result import Diagnosis, Finding, Fit
 from rover_sweep.diagnosis.simulation.augmented import AugmentedModel
 from rover_sweep.diagnosis.verdict import hardly_matters, importance_words, turn_change
 from rover_sweep.errors import UsageError
@@ -53,41 +53,35 @@ def diagnosis_document(found: Diagnosis, origin: DiagnosisOrigin) -> dict[str, A
     which has no name. cannot_see[].up_to is empty where these runs exclude no size.
     """
     own = encoded(found)
-    findings = zip(found.findings, own["findings"], strict=True)
-    bounds = zip(found.cannot_see, own["cannot_see"], strict=True)
+    for f, document in zip(found.findings, own["findings"], strict=True):
+        samples = {h.run: sum(o.t.size for o in found.overlays if o.run == h.run) for h in f.held_out}
+        best = max(f.held_out, key=lambda h: samples[h.run], default=None)
+        document["held_out"] = encoded(best) if best else None
+        document |= {"importance": importance_words(f), "hardly_matters": hardly_matters(f.held_out)}
+    for u, document in zip(found.cannot_see, own["cannot_see"], strict=True):  # the end farthest from none
+        bounds = document["up_to"].items()
+        document["up_to"] = {name: {"value": u.up_to[name].value, **bound} for name, bound in bounds}
+    vehicle, source = origin.provenance.vehicle, origin.provenance.vehicle_source
     return plain(
         {
             "format": FORMAT,
             "format_version": FORMAT_VERSION,
             **own,
-            "findings": [document | _told(f, found.overlays) for f, document in findings],
-            "cannot_see": [d | {"up_to": _farthest(u.up_to, d["up_to"])} for u, d in bounds],
             "turn": _turn(found),
             "seconds": round(found.seconds, 2),
             "recordings": [{"role": role, **recording_document(run)} for role, run in origin.recordings],
             "settings": origin.settings,
-            "vehicle": _vehicle(origin),
+            "vehicle": {
+                "name": vehicle.name if vehicle else "",
+                "file": source[0] if source else None,
+                "sha256": source[1] if source else None,
+            },
             "conventions": {"axes": AXES, "units": UNITS},
             "versions": origin.provenance.versions,
             "command": origin.provenance.command or None,
             "made": origin.provenance.made or None,
         }
     )
-
-
-def _told(f: Finding, overlays: Sequence[TimeHistory]) -> dict[str, Any]:
-    """What follows from a finding."""
-    best = largest_held_out(f.held_out, overlays)
-    return {
-        "held_out": encoded(best) if best else None,
-        "importance": importance_words(f),
-        "hardly_matters": hardly_matters(f.held_out),
-    }
-
-
-def _farthest(bounds: Mapping[str, UpperBound], documents: Mapping[str, Any]) -> dict[str, Any]:
-    """The bounds with the end that is farthest from no effect."""
-    return {name: {"value": bounds[name].value, **document} for name, document in documents.items()}
 
 
 def _turn(found: Diagnosis) -> dict[str, Any] | None:
@@ -102,24 +96,6 @@ def _turn(found: Diagnosis) -> dict[str, Any] | None:
         "distance_m": delay * speed,
         "speed_m_s": speed,
         "sentence": "; ".join(f.turn for f in found.findings if f.turn),
-    }
-
-
-def largest_held_out(held_out: Sequence[HeldOut], overlays: Sequence[TimeHistory]) -> HeldOut | None:
-    """The score on the held-out run with the most samples; the first if the numbers are unknown."""
-
-    def samples(h: HeldOut) -> int:
-        return sum(o.t.size for o in overlays if o.run == h.run)
-
-    return max(held_out, key=samples, default=None)
-
-
-def _vehicle(origin: DiagnosisOrigin) -> dict[str, Any]:
-    vehicle, source = origin.provenance.vehicle, origin.provenance.vehicle_source
-    return {
-        "name": vehicle.name if vehicle else "",
-        "file": source[0] if source else None,
-        "sha256": source[1] if source else None,
     }
 
 

@@ -11,10 +11,7 @@ import numpy as np
 from rover_sweep.data.recording import LowPass
 from rover_sweep.diagnosis.linear import FirstOrderLowPass, hidden_filters, left_out, linear
 from rover_sweep.diagnosis.simulation.augmented import AugmentedModel
-from rover_sweep.identification import models as bicycle
-from rover_sweep.identification import models as kinematic
-from rover_sweep.identification import models as lumped
-from rover_sweep.identification import models as roll_yaw
+from rover_sweep.identification import models
 from rover_sweep.identification.acceptance import known_filters
 from rover_sweep.identification.pipeline import Identification
 from rover_sweep.identification.state_space import Matrices, ModelStructure
@@ -40,13 +37,20 @@ def matlab_text(model: Model) -> str:
 
     `sys` gives the rover's motion; `sensors * sys` the recorded signals. Needs the Control System Toolbox.
     """
+    late = "'InputDelay', tau"
+    if len(model["inputs"]) > 1 or any(model["output_delays_s"]):
+        delays = _row(model["input_delays_s"]), _row(model["output_delays_s"])
+        late = f"'InputDelay', {delays[0]}, 'OutputDelay', {delays[1]}"
     lines = [*_remarks(model, "%"), ""]
-    lines += [f"{name} = {_matlab(model[name])};" for name in (*STATE_SPACE, *DESCRIPTOR)]
+    lines += [
+        f"{name} = [{'; '.join(_row(row)[1:-1] for row in model[name])}];"
+        for name in (*STATE_SPACE, *DESCRIPTOR)
+    ]
     lines += [
         f"tau = {model['tau_s']!r};  % s, delay of the input",
         f"V = {model['speed_m_s']!r};  % m/s",
         "",
-        f"sys = ss(A, B, C, D, {_matlab_delays(model)}, ...",
+        f"sys = ss(A, B, C, D, {late}, ...",
         f"    'StateName', {_cell(model['states'])}, 'StateUnit', {_cell(model['state_units'])}, ...",
         f"    'InputName', {_cell(model['inputs'])}, 'InputUnit', {_cell(model['input_units'])}, ...",
         f"    'OutputName', {_cell(model['outputs'])}, 'OutputUnit', {_cell(model['output_units'])});",
@@ -64,6 +68,7 @@ def matlab_text(model: Model) -> str:
 
 def python_text(model: Model) -> str:
     """A module with the matrices, `frequency_response(w)` (numpy), and `system()` (python-control)."""
+    filters = {output: (f["num"], f["den"]) for output, f in model["sensor_filters"].items()}
     return "\n".join(
         [
             f'"""{model["model"]} model of a rover, exported by rover-sweep.\n',
@@ -79,7 +84,7 @@ def python_text(model: Model) -> str:
             f"inputs = {list(model['inputs'])!r}  # {', '.join(model['input_units'])}",
             f"outputs = {list(model['outputs'])!r}  # {', '.join(model['output_units'])}",
             "# output: (numerator, denominator) in falling powers of s",
-            f"sensor_filters = {_filter_lines(model)!r}",
+            f"sensor_filters = {filters!r}",
             _PYTHON_FUNCTIONS,
         ]
     )
@@ -112,13 +117,6 @@ def mat_file(model: Model) -> bytes:
     return out.getvalue()
 
 
-def _matlab_delays(model: Model) -> str:
-    if len(model["inputs"]) == 1 and not any(model["output_delays_s"]):
-        return "'InputDelay', tau"
-    late = _row(model["input_delays_s"]), _row(model["output_delays_s"])
-    return f"'InputDelay', {late[0]}, 'OutputDelay', {late[1]}"
-
-
 def _remarks(model: Model, mark: str) -> list[str]:
     steering = model.get("steering")
     judged = "verdict of the diagnosis" if model.get("augmented") else "verdict of the fit"
@@ -135,20 +133,12 @@ def _remarks(model: Model, mark: str) -> list[str]:
     return [f"{mark} {line}" for line in lines]
 
 
-def _matlab(matrix: Sequence[Sequence[float]]) -> str:
-    return "[" + "; ".join(" ".join(repr(float(x)) for x in row) for row in matrix) + "]"
-
-
 def _row(values: Sequence[float]) -> str:
     return "[" + " ".join(repr(float(x)) for x in values) + "]"
 
 
 def _cell(names: Sequence[str]) -> str:
     return "{" + ", ".join(f"'{name}'" for name in names) + "}"
-
-
-def _filter_lines(model: Model) -> dict[str, tuple[list[float], list[float]]]:
-    return {output: (f["num"], f["den"]) for output, f in model["sensor_filters"].items()}
 
 
 _PYTHON_FUNCTIONS = '''
@@ -241,10 +231,10 @@ def matrices_of(mat: Matrices) -> dict[str, Any]:
 
 
 BUILDERS = {
-    "kinematic": kinematic.kinematic_matrices,
-    "bicycle": bicycle.bicycle_matrices,
-    "roll-yaw": roll_yaw.roll_yaw_matrices,
-    "lumped": lumped.lumped_matrices,
+    "kinematic": models.kinematic_matrices,
+    "bicycle": models.bicycle_matrices,
+    "roll-yaw": models.roll_yaw_matrices,
+    "lumped": models.lumped_matrices,
 }
 
 
@@ -260,21 +250,32 @@ def exported_model(
     """
     model = result.models[name]
     structure = model.fit.structure
-    return plain(
-        {
-            "format": "rover-sweep model",
-            "model": name,
-            "verdict": model.verdict.level,
-            "note": NOTE,
-            "reference": structure.reference,
-            **system_document(structure, structure.matrices(model.fit.speed), model.fit.speed),
-            "parameters": structure.values,
-            "parameter_units": {p.name: p.unit for p in structure.parameters},
-            "sensor_filters": _filters(known_filters(result), structure.outputs),
-            "structure": structure.source or None,
-            "steering": {"trim_us": steering[0], "rad_per_us": steering[1]} if steering else None,
-        }
-    )
+    filters = [known_filters(result)]
+    document = _document(structure, model.fit.speed, model.verdict.level, filters, steering)
+    return plain(document | {"model": name, "structure": structure.source or None})
+
+
+def _document(
+    structure: ModelStructure,
+    speed: float,
+    verdict: str,
+    filters: Sequence[Mapping[str, LowPass]],
+    steering: tuple[float, float] | None,
+) -> dict[str, Any]:
+    """What all exported models have. filters: of each output, in series."""
+    return {
+        "format": "rover-sweep model",
+        "model": structure.name,
+        "verdict": verdict,
+        "note": NOTE,
+        "reference": structure.reference,
+        **system_document(structure, structure.matrices(speed), speed),
+        "parameters": structure.values,
+        "parameter_units": {p.name: p.unit for p in structure.parameters},
+        "sensor_filters": _filters(filters, structure.outputs),
+        "structure": None,
+        "steering": {"trim_us": steering[0], "rad_per_us": steering[1]} if steering else None,
+    }
 
 
 def at_speed(exported: Mapping[str, Any], speed: float) -> dict[str, Any]:
@@ -294,21 +295,6 @@ def at_speed(exported: Mapping[str, Any], speed: float) -> dict[str, Any]:
     return plain({**exported, **matrices_of(mat), "speed_m_s": speed})
 
 
-def _filters(filters: Mapping[str, LowPass], outputs: tuple[str, ...]) -> dict[str, Any]:
-    """Each known low-pass (Butterworth, unit gain at 0): num and den in falling powers of s."""
-    known = {o: filters[o] for o in outputs if o in filters}
-    out = {}
-    for output, f in known.items():
-        w0 = 2 * np.pi * f.cutoff_hz
-        out[output] = {
-            "cutoff_hz": f.cutoff_hz,
-            "num": [w0**2],
-            "den": [1.0, np.sqrt(2) * w0, w0**2],
-            "source": f.source,
-        }
-    return out
-
-
 # The linear part of a diagnosed model for python-control, MATLAB and JSON; the rest as sentences.
 
 
@@ -321,37 +307,24 @@ def exported_augmented(model: AugmentedModel, verdict: str, speed: float | None 
     structure, at = linear(model), speed or model.speed * (1.0 + model.value("vscale"))
     lost = left_out(model)
     remark = f"Not included: {'; '.join(lost)}." if lost else "The whole model is included."
-    return plain(
-        {
-            "format": "rover-sweep model",
-            "model": model.name,
-            "verdict": verdict,
-            "note": f"{NOTE} {remark}",
-            "left_out": lost,
-            "reference": structure.reference,
-            **system_document(structure, structure.matrices(at), at),
-            "parameters": structure.values,
-            "parameter_units": {p.name: p.unit for p in structure.parameters},
-            "sensor_filters": _filters_of_runs(model, structure.outputs),
-            "structure": None,
-            "steering": {"trim_us": model.steering[0], "rad_per_us": model.steering[1]}
-            if model.steering
-            else None,
-            "augmented": augmented_document(model),
-        }
-    )
+    filters = [model.filters, hidden_filters(model)]
+    document = _document(structure, at, verdict, filters, model.steering)
+    own = {"note": f"{NOTE} {remark}", "left_out": lost, "augmented": augmented_document(model)}
+    return plain(document | {"model": model.name} | own)
 
 
-def _filters_of_runs(model: AugmentedModel, outputs: tuple[str, ...]) -> dict[str, Any]:
+def _filters(filters: Sequence[Mapping[str, LowPass]], outputs: tuple[str, ...]) -> dict[str, Any]:
     """Each output's low-passes in series as one fraction, coefficients in falling powers of s."""
-    hidden, out = hidden_filters(model), {}
+    out: dict[str, Any] = {}
     for output in outputs:
-        found = [f[output] for f in (model.filters, hidden) if output in f]
-        if found:
-            num, den = np.ones(1), np.ones(1)
+        if found := [f[output] for f in filters if output in f]:
+            num: Any = 1.0
+            den: Any = 1.0
             for low_pass in found:
-                n, d = _fraction(low_pass)
-                num, den = np.polymul(num, n), np.polymul(den, d)
+                w0 = 2 * np.pi * low_pass.cutoff_hz
+                first = isinstance(low_pass, FirstOrderLowPass)
+                num = np.polymul(num, [w0] if first else [w0**2])
+                den = np.polymul(den, [1.0, w0] if first else [1.0, np.sqrt(2) * w0, w0**2])
             out[output] = {
                 "cutoff_hz": min(f.cutoff_hz for f in found),
                 "num": num,
@@ -359,10 +332,3 @@ def _filters_of_runs(model: AugmentedModel, outputs: tuple[str, ...]) -> dict[st
                 "source": ", ".join(f.source for f in found if f.source),
             }
     return out
-
-
-def _fraction(low_pass: LowPass) -> tuple[Any, Any]:
-    w0 = 2 * np.pi * low_pass.cutoff_hz
-    if isinstance(low_pass, FirstOrderLowPass):
-        return np.array([w0]), np.array([1.0, w0])
-    return np.array([w0**2]), np.array([1.0, np.sqrt(2) * w0, w0**2])

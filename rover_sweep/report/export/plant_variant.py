@@ -19,6 +19,11 @@ from rover_sweep.errors import UsageError
 
 AS_FIRST = {"from then on", "one run"}  # changes of ground that the simulated rover has as its first form
 LEAST_SHAPE = 1e-3  # of a second-order servo
+OTHER_FORMS = {
+    "surface_change": "the ground stays changed after that run, in the model only until its end",
+    "surface_change/one run": "the ground stays changed after that run, in the model only during it",
+    "surface_change/all along": "the grip drifts on at standstill, in the model only while driving",
+}  # sentences on those that the simulated rover has otherwise
 
 
 def in_plant_units(model: AugmentedModel, effect: Effect, values: Mapping[str, Value]) -> dict[str, Value]:
@@ -37,42 +42,10 @@ def in_plant_units(model: AugmentedModel, effect: Effect, values: Mapping[str, V
     return out
 
 
-def forms_not_in_the_plant(model: AugmentedModel) -> list[str]:
-    """Sentences on forms that the simulated rover has otherwise."""
-    names = {effect.name for effect in model.added}
-    said = {
-        "surface_change": "the ground stays changed after that run, in the model only until its end",
-        "surface_change/one run": "the ground stays changed after that run, in the model only during it",
-        "surface_change/all along": "the grip drifts on at standstill, in the model only while driving",
-    }
-    return [words for name, words in said.items() if name in names]
-
-
 # The tables [[table_law]] of a variant file: the laws without a name of a diagnosed model.
 
 
 IN_THE_PLANT = ("delta", "a_y", "r", "p", "phi", "beta", "v")  # quantities over which the plant has tables
-
-
-def exported_laws(model: AugmentedModel) -> list[TableLaw]:
-    """The laws that the simulated rover has, in its quantities: its trim acts before the table."""
-    trim = model.value("trim")
-    return [
-        replace(law, x=tuple(x - trim for x in law.x))
-        if law.place == "steering" and law.memory != "resonance"
-        else law
-        for law in model.laws
-        if _in_the_plant(law)
-    ]
-
-
-def laws_not_in_the_plant(model: AugmentedModel) -> list[str]:
-    """A sentence for each law that the simulated rover does not have."""
-    return [
-        f"the law at the {law.place} over {law.over} is not included: this rover has no such table"
-        for law in model.laws
-        if not _in_the_plant(law)
-    ]
 
 
 def law_lines(law: TableLaw) -> list[str]:
@@ -118,10 +91,17 @@ def variant_text(model: AugmentedModel) -> str:
             "the simulated rover needs tyres and springs, which a lumped model does not have; "
             "diagnose with --baseline roll-yaw, bicycle or kinematic"
         )
-    effects = plant_effects(model)
+    effects, trim = plant_effects(model), model.value("trim")
+    exported = [  # the simulated rover's trim acts before the table
+        replace(law, x=tuple(x - trim for x in law.x))
+        if law.place == "steering" and law.memory != "resonance"
+        else law
+        for law in model.laws
+        if _in_the_plant(law)
+    ]
     same = {number for effect, number in SAME_NUMBER.items() if effect in effects}
     numbers = {name: value for name, value in _numbers(model).items() if name not in same}
-    laws = [f"{len(exported_laws(model))} laws without a name"] if exported_laws(model) else []
+    laws = [f"{len(exported)} laws without a name"] if exported else []
     found = ", ".join((*model.effects, *laws)) or "no further effects"
     lines = [
         f"# Rover diagnosed by rover-sweep: {model.baseline} model with {found}.",
@@ -132,8 +112,11 @@ def variant_text(model: AugmentedModel) -> str:
         *(f"{name} = {_toml(value)}" for name, value in numbers.items()),
     ]
     if effects:
-        lines += ["", "[effects]", *(f"{name} = {_table(values)}" for name, values in effects.items())]
-    for law in exported_laws(model):
+        lines += ["", "[effects]"]
+    for name, values in effects.items():
+        inside = ", ".join(f"{key} = {_toml(value)}" for key, value in values.items())
+        lines.append(f"{name} = {{ {inside} }}")
+    for law in exported:
         lines += ["", *law_lines(law)]
     return "\n".join([*lines, ""])
 
@@ -162,7 +145,13 @@ def not_in_the_plant(model: AugmentedModel) -> list[str]:
         out.append("the model does not roll: the centre of the sprung mass is on the roll axis")
     if model.simulated.slip and "tyre_saturation" not in {e.id for e in model.added}:
         out.append("the tyres do not saturate, as in the model: set friction before driving to the limit")
-    out += laws_not_in_the_plant(model) + forms_not_in_the_plant(model)
+    out += [
+        f"the law at the {law.place} over {law.over} is not included: this rover has no such table"
+        for law in model.laws
+        if not _in_the_plant(law)
+    ]
+    names = {effect.name for effect in model.added}
+    out += [words for name, words in OTHER_FORMS.items() if name in names]
     if "clock_offset" in model.effects:
         out.append(
             "a redrive uses the log's time stamps as they are: its motion is later than the log's by T"
@@ -173,7 +162,10 @@ def not_in_the_plant(model: AugmentedModel) -> list[str]:
 def _numbers(model: AugmentedModel) -> dict[str, Value]:
     n, x = model.numbers, model.value
     rover, roll = model.rover, model.simulated.roll
-    h = n["h"] if roll else 0.0
+    h, bend = n["h"] if roll else 0.0, x("bend")  # friction saturates as the model in the driven range
+    imu = n["imu_x"], n["imu_z"]
+    if "imu_offset" in model.effects:  # it lists the offset itself
+        imu = rover.imu_x, rover.imu_z
     out: dict[str, Value] = {
         "mass": n["m"],
         "sprung_mass": n["ms"] or n["m"],
@@ -181,12 +173,12 @@ def _numbers(model: AugmentedModel) -> dict[str, Value]:
         "cg_height_above_roll_centre": h,
         "yaw_inertia": n["Izz"] if model.simulated.slip else rover.yaw_inertia or n["m"] * n["a"] * n["b"],
         "roll_yaw_inertia": n["Ixz"] if roll else 0.0,
-        "friction": _friction(model),
+        "friction": min(LINEAR_TYRES, sqrt(BEND_ALIKE / bend)) if bend > 0 else LINEAR_TYRES,
         "servo_lag": x("lag"),
         "servo_delay": _delay(model),
         "servo_rate_limit": NO_LIMIT,
         "velocity_lag": x("vy_lag"),
-        "imu_position": _imu(model, n, h),
+        "imu_position": (imu[0], 0.0, h - imu[1]),
         "accel_bias": (0.0, 0.0 if "imu_tilt" in model.effects else -x("bias_ay"), 0.0),
     }
     if roll:
@@ -216,25 +208,12 @@ def _axles(model: AugmentedModel, n: Mapping[str, float]) -> dict[str, Value]:
     }
 
 
-def _friction(model: AugmentedModel) -> float:
-    """Friction of tyres that saturate like the model's in the driven range; their limit is unknown."""
-    bend = model.value("bend")
-    return min(LINEAR_TYRES, sqrt(BEND_ALIKE / bend)) if bend > 0 else LINEAR_TYRES
-
-
 def _delay(model: AugmentedModel) -> float:
     """Delay of the servo alone [s]: the simulated rover already adds the wait for the main loop."""
     from rover_sweep.diagnosis.effects.sensors import USUAL_DELAY
 
     whole = USUAL_DELAY if "clock_offset" in model.effects else model.value("delay")
     return max(whole - model.wait, 0.0)
-
-
-def _imu(model: AugmentedModel, n: Mapping[str, float], h: float) -> tuple[float, float, float]:
-    """IMU position forward, right, down of the sprung CG [m]; without an offset listed as an effect."""
-    if "imu_offset" in model.effects:
-        return model.rover.imu_x, 0.0, h - model.rover.imu_z
-    return n["imu_x"], 0.0, h - n["imu_z"]
 
 
 def plant_effects(model: AugmentedModel) -> dict[str, dict[str, Value]]:
@@ -269,7 +248,3 @@ def _toml(value: Value) -> str:
     if isinstance(value, tuple):
         return "[" + ", ".join(_toml(part) for part in value) + "]"
     return repr(float(f"{value:.7g}"))
-
-
-def _table(values: Mapping[str, Value]) -> str:
-    return "{ " + ", ".join(f"{name} = {_toml(value)}" for name, value in values.items()) + " }"

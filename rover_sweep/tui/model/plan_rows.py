@@ -3,38 +3,21 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field, replace
-from math import isfinite
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
 from typing import Any
 
 from firmware_params.applet_parameters import PARAMETERS, SWITCH_HIGH
 from rover_sweep.data.vehicle_file import Vehicle
 from rover_sweep.design.demand import Space, space
 from rover_sweep.errors import UsageError
-from rover_sweep.manoeuvre.multisine import Multisine
-from rover_sweep.manoeuvre.sweep import (
-    FIRST_DOUBLET,
-    FIRST_SWEEPS,
-    BiasSweep,
-    Doublet,
-    Manoeuvre,
-    Sweep,
-    ThrottleSweep,
-    parameters_of,
-)
+from rover_sweep.manoeuvre.sweep import FIRST_DOUBLET, FIRST_SWEEPS, Manoeuvre, ThrottleSweep, parameters_of
+from rover_sweep.session.content import KINDS
 from rover_sweep.tui.drawn import APPLET
 from rover_sweep.tui.model.state import State
 
 SPEED = 2.0  # m/s, default of a row
 FIRST_THROTTLE = 30.0  # us, of a first throttle sweep: the full one may pass the limits of the speed
-_KINDS: dict[str, Callable[[], Manoeuvre]] = {
-    "sweep": Sweep,
-    "doublet": Doublet,
-    "multisine": Multisine,
-    "bias_sweep": BiasSweep,
-    "throttle": lambda: ThrottleSweep(amplitude=FIRST_THROTTLE),
-}
 
 
 @dataclass(frozen=True)
@@ -103,7 +86,7 @@ def value(row: Row, of: Field) -> float:
 
 def new(kind: str, speed: float = SPEED) -> Row:
     """A row with default numbers."""
-    return Row(_KINDS[kind](), speed)
+    return Row(ThrottleSweep(amplitude=FIRST_THROTTLE) if kind == "throttle" else KINDS[kind](), speed)
 
 
 def row_with(row: Row, of: Field, number: float, limits: Mapping[str, float] | None = None) -> Row:
@@ -142,7 +125,7 @@ class Needs:
 
     spaces: tuple[Space | None, ...] = ()
     seconds: float = 0.0
-    words: str = field(default="")
+    words: str = ""
 
 
 def needs(rows: tuple[Row, ...], vehicle: Vehicle | None) -> Needs:
@@ -164,31 +147,25 @@ def ground(row: Row, vehicle: Vehicle | None) -> str:
 
 def largest(spaces: Iterable[Space | None]) -> tuple[float, float]:
     """(length, width) [m] of the space that is enough for each of them; NaN if all are unknown."""
-    known = [s for s in spaces if s is not None]
-    if not known:
-        return math.nan, math.nan
-    return max(s.length for s in known), max(s.width for s in known)
+    known = [(s.length, s.width) for s in spaces if s is not None] or [(math.nan, math.nan)]
+    return max(length for length, _ in known), max(width for _, width in known)
 
 
 def rows_of_plan(document: Mapping[str, Any]) -> tuple[Row, ...]:
-    """Rows from the JSON of `rover-sweep plan` (report/diagnosis/plan_table.py); one row per repeat.
+    """Rows from the JSON of `rover-sweep plan` (`report.diagnosis.report`); one row per repeat.
 
     Servo tests on blocks are skipped, as nothing is driven.
     """
     rows: list[Row] = []
     settles = [str(s) for s in document.get("settles") or ()]
     for n, run in enumerate(document.get("proposal") or ()):
-        if run["kind"] not in _KINDS:
+        if run["kind"] not in KINDS:
             continue
         numbers: dict[str, Any] = {"amplitude": float(run["amplitude_us"])}
         if run["kind"] == "bias_sweep":
             numbers["bias"] = float(run["bias_us"])
-        row = Row(
-            replace(_KINDS[run["kind"]](), **numbers),
-            float(run["speed"]),
-            "",
-            settles[n] if n < len(settles) else "",
-        )
+        manoeuvre = KINDS[run["kind"]](**numbers)
+        row = Row(manoeuvre, float(run["speed"]), "", settles[n] if n < len(settles) else "")
         rows += [row] * int(run.get("repeat", 1))
     return tuple(rows)
 
@@ -229,7 +206,7 @@ def task(state: State, speed: float = float("nan")) -> Task:
         return _before(state)
     left = _standstill_left(state)
     if drive.planned.manoeuvre.kind == "throttle" and settings.throttle_us is None and applet in range(2, 10):
-        return _throttle_sweep(applet, f" at {speed:g} m/s" if isfinite(speed) else "", left)
+        return _throttle_sweep(applet, f" at {speed:g} m/s" if math.isfinite(speed) else "", left)
     if applet in (1, 9) and settings.throttle_us is not None:
         return Task("WAIT", f"This program keeps the rover still and records the standstill{left}.", False)
     if applet == 1:
@@ -241,7 +218,7 @@ def task(state: State, speed: float = float("nan")) -> Task:
     if applet == 2:
         if settings.throttle_us is not None:
             return Task("HANDS OFF", f"This program drives, throttle {settings.throttle_us} us.", False)
-        at = f" to {speed:g} m/s" if isfinite(speed) else ""
+        at = f" to {speed:g} m/s" if math.isfinite(speed) else ""
         return Task("DRIVE", f"Drive straight ahead and speed up{at}; then the applet starts to steer.")
     if applet in range(3, 9):
         if settings.throttle_us is not None:

@@ -17,7 +17,7 @@ from rover_sweep.data.vehicle_file import Vehicle
 from rover_sweep.files.documents import read_json
 from rover_sweep.live.source import Played, Snapshot, Update, Verdict
 from rover_sweep.manoeuvre.sweep import Sweep
-from rover_sweep.session.content import Content, DrivenRun, SessionRun
+from rover_sweep.session.content import Content, SessionRun
 from rover_sweep.session.folder import outcome_of
 from rover_sweep.tui import drawn as labels
 from rover_sweep.tui.model.plan_rows import SPEED, Row, ground
@@ -28,10 +28,6 @@ from rover_sweep.vehicle.preflight.read_rover import Check
 from rover_sweep.vehicle.run.controls import RunSettings
 
 _MOST = 8  # remembered connections
-
-
-def _not_saved(plan: tuple[Row, ...]) -> None:
-    """Default of keep_plan: does not save the plan."""
 
 
 @dataclass(frozen=True)
@@ -52,21 +48,19 @@ class Setup:
     plan: tuple[Row, ...] = ()
     driven: tuple[RunRecord, ...] = ()
     logs: tuple[Path, ...] = ()
-    keep_plan: Callable[[tuple[Row, ...]], object] = _not_saved
+    keep_plan: Callable[[tuple[Row, ...]], object] = lambda plan: None
 
     @property
     def own_part(self) -> tuple[str, ...]:
         """Actions of this program in a run, as words; empty if the pilot does everything."""
         settings = self.settings
-        return tuple(
-            words
-            for allowed, words in (
-                (settings.arm, "arms the rover"),
-                (settings.throttle_us is not None, f"drives it with throttle {settings.throttle_us} us"),
-                (settings.trigger != "pilot", "throws the switch"),
-            )
-            if allowed
+        throttle = settings.throttle_us
+        parts = (
+            "arms the rover" if settings.arm else "",
+            f"drives it with throttle {throttle} us" if throttle is not None else "",
+            "throws the switch" if settings.trigger != "pilot" else "",
         )
+        return tuple(filter(None, parts))
 
 
 def memory_file() -> Path:
@@ -151,7 +145,17 @@ _OUTCOMES: Mapping[str, Outcome] = {"done": "done", "stopped": "stopped", "cut":
 
 def records(content: Content, folder: Path) -> tuple[RunRecord, ...]:
     """The driven runs, oldest first."""
-    return tuple(_record(run, folder) for run in content.runs)
+    out = []
+    for run in content.runs:
+        outcome, tlog, verdict = _OUTCOMES[run.state], folder / run.tlog, _verdict(run.verdict)
+        reason = run.reason
+        if outcome == "done":
+            reason = "" if run.verdict else "no verdict: the program ended first; 7 can still identify it"
+        # a run that was cut began if its recording shows the applet at work
+        began = run.span is not None or (tlog.is_file() and outcome_of(tlog) is not None)
+        manoeuvre = run.manoeuvre or Sweep()
+        out.append(RunRecord(run.name, manoeuvre, outcome, reason, run.number, tlog, verdict, began))
+    return tuple(out)
 
 
 def fetched_logs(content: Content, folder: Path) -> tuple[Path, ...]:
@@ -167,31 +171,6 @@ def rows(content: Content) -> tuple[Row, ...]:
 def runs_of_plan(plan: tuple[Row, ...]) -> tuple[SessionRun, ...]:
     """The plan in the form saved in the folder."""
     return tuple(SessionRun(row.name, row.manoeuvre, row.speed) for row in plan)
-
-
-def _record(run: DrivenRun, folder: Path) -> RunRecord:
-    outcome = _OUTCOMES[run.state]
-    return RunRecord(
-        run.name,
-        run.manoeuvre or Sweep(),
-        outcome,
-        _reason(run, outcome),
-        run.number,
-        folder / run.tlog,
-        _verdict(run.verdict),
-        began=run.span is not None or _in_its_tlog(folder / run.tlog),
-    )
-
-
-def _in_its_tlog(tlog: Path) -> bool:
-    """Whether the recording of a run that was cut shows the applet at work."""
-    return tlog.is_file() and outcome_of(tlog) is not None
-
-
-def _reason(run: DrivenRun, outcome: Outcome) -> str:
-    if outcome != "done":
-        return run.reason
-    return "" if run.verdict else "no verdict: the program ended first; 7 can still identify it"
 
 
 def _verdict(saved: Mapping[str, Any] | None) -> Verdict | None:

@@ -6,12 +6,10 @@ a terminal. Fast values (`Snapshot`, `Played`, `LogProgress`) replace the previo
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
-from functools import reduce as folded
 from pathlib import Path
 from types import MappingProxyType
-from typing import Literal
+from typing import Any, Literal
 
 from firmware_params.applet_parameters import SWITCH_LOW
 from rover_sweep.live.source import (
@@ -161,7 +159,9 @@ def reduce(state: State, message: Update | Own) -> State:
         case Checked():
             return replace(state, checks=message.checks)
         case Judged():
-            return _judged(state, message.verdict)
+            verdict = message.verdict
+            state = _logged(state, "info", f"{verdict.run}: {verdict.sentence}")
+            return _changed(state, _latest(state, verdict.run), verdict=verdict)
         case Several():  # shown in the list of connections
             return state
         case Lost():
@@ -171,11 +171,6 @@ def reduce(state: State, message: Update | Own) -> State:
             return replace(state, played=message)
         case _:
             return _happened(state, message)
-
-
-def reduced(state: State, many: Iterable[Update | Own]) -> State:
-    """`reduce` over several messages, oldest first."""
-    return folded(reduce, many, state)
 
 
 def _happened(state: State, event: e.Event) -> State:
@@ -189,12 +184,17 @@ def _happened(state: State, event: e.Event) -> State:
         case e.Said():
             return _logged(state, "vehicle", event.text)
         case e.ParameterSet():
-            return _set(state, event)
+            old = "" if event.old is None else f"{event.old:g} -> "
+            words = f"{event.name} {old}{event.value:g}{', after a reboot' if event.reboot else ''}"
+            parameters = MappingProxyType({**state.parameters, event.name: event.value})
+            return replace(_logged(state, "info", words), parameters=parameters)
         case e.Rebooting():
             return _logged(state, "info", f"rebooting the rover to apply {', '.join(event.because)}")
         case e.StateChanged():
             if event.state > 0:
-                state = replace(_begun(state), wanted=None if _wants(state, "high") else state.wanted)
+                if state.run is not None and state.run.outcome == "running":
+                    state = _changed(state, -1, began=True)
+                state = replace(state, wanted=None if _wants(state, "high") else state.wanted)
             return replace(state, applet=event.state)
         case e.SwitchWanted():
             return replace(state, wanted=event)
@@ -248,69 +248,48 @@ def _ended(state: State, ended: Ended) -> State:
         asked.remove(ended.request)
     state = replace(state, asked=tuple(asked))
     if isinstance(ended.request, DriveRequest):
-        state = replace(_closed(state, ended), aborting=False)
+        state = replace(state, aborting=False)
+        if state.run is not None and state.run.outcome in ("asked", "running"):  # no other end was reported
+            reason = ended.failure or "it ended without a result"
+            state = _changed(state, -1, outcome="failed", reason=reason)
     if ended.failure:
         state = replace(_logged(state, "error", ended.failure), failure=ended.failure)
     return state
 
 
-def _closed(state: State, ended: Ended) -> State:
-    """Mark the latest run as failed if no other end was reported."""
-    last = state.run
-    if last is None or last.outcome not in ("asked", "running"):
-        return state
-    reason = ended.failure or "it ended without a result"
-    return replace(state, runs=(*state.runs[:-1], replace(last, outcome="failed", reason=reason)))
-
-
-def _begun(state: State) -> State:
-    """The applet has begun the run in progress."""
-    if state.run is None or state.run.outcome != "running":
-        return state
-    return replace(state, runs=(*state.runs[:-1], replace(state.run, began=True)))
-
-
 def _run(state: State, event: e.RunStarted | e.RunFinished | e.Interrupted) -> State:
     """Update the latest record of that name; a run that was not requested gets a new record."""
-    index = next((n for n in reversed(range(len(state.runs))) if state.runs[n].name == event.name), None)
+    index = _latest(state, event.name)
     match event:
         case e.RunStarted():
             new = RunRecord(event.name, event.manoeuvre, "running", tlog=event.tlog)
             if index is None or state.runs[index].outcome not in ("asked", "running"):
                 return replace(state, runs=(*state.runs, new))
+            return replace(state, runs=(*state.runs[:index], new, *state.runs[index + 1 :]))
         case _ if index is None:
             return _logged(state, "warning", f"{event.name} ended, but its start was not received")
         case e.RunFinished():
-            new = replace(
-                state.runs[index],
-                outcome="done" if event.completed else "stopped",
-                reason="" if event.completed else event.reason,
-                number=event.number,
-                tlog=event.tlog,
-                began=True,
-            )
             if not event.completed:
                 state = _logged(state, "error", f"{event.name} is incomplete: {event.reason}")
+            outcome, reason = ("done", "") if event.completed else ("stopped", event.reason)
+            own = {"outcome": outcome, "reason": reason, "number": event.number, "began": True}
+            return _changed(state, index, tlog=event.tlog, **own)
         case e.Interrupted():
             reason = "; ".join(("aborted", *event.failures))
-            new = replace(state.runs[index], outcome="stopped", reason=reason, tlog=event.tlog)
-    return replace(state, runs=(*state.runs[:index], new, *state.runs[index + 1 :]))
+            return _changed(state, index, outcome="stopped", reason=reason, tlog=event.tlog)
 
 
-def _judged(state: State, verdict: Verdict) -> State:
-    index = next((n for n in reversed(range(len(state.runs))) if state.runs[n].name == verdict.run), None)
-    state = _logged(state, "info", f"{verdict.run}: {verdict.sentence}")
-    if index is None:
-        return state
-    new = replace(state.runs[index], verdict=verdict)
-    return replace(state, runs=(*state.runs[:index], new, *state.runs[index + 1 :]))
+def _latest(state: State, name: str) -> int | None:
+    """Index of the latest run of that name."""
+    return next((n for n in reversed(range(len(state.runs))) if state.runs[n].name == name), None)
 
 
-def _set(state: State, event: e.ParameterSet) -> State:
-    parameters = MappingProxyType({**state.parameters, event.name: event.value})
-    old = "" if event.old is None else f"{event.old:g} -> "
-    words = f"{event.name} {old}{event.value:g}{', after a reboot' if event.reboot else ''}"
-    return replace(_logged(state, "info", words), parameters=parameters)
+def _changed(state: State, index: int | None, **values: Any) -> State:
+    """The state with other values in a record; as it is for no index."""
+    runs = list(state.runs)
+    if index is not None:
+        runs[index] = replace(runs[index], **values)
+    return replace(state, runs=tuple(runs))
 
 
 def _logged(state: State, level: Level, text: str) -> State:

@@ -10,15 +10,13 @@ from textual import events
 from textual.app import ComposeResult
 from textual.binding import Binding
 from textual.containers import Vertical
-from textual.screen import ModalScreen
 from textual.widgets import Input, Static
 
 from rover_sweep.errors import UsageError
 from rover_sweep.live.source import FetchLogs
 from rover_sweep.tui import drawn as labels
-from rover_sweep.tui.drawn import ScreenRows, bar, cells, moved, window, wrapped
+from rover_sweep.tui.drawn import Box, ScreenRows, bar, cells, moved, window, wrapped
 from rover_sweep.tui.model.plan_rows import Field, Row, fields, row_with, value
-from rover_sweep.tui.model.setup import Setup
 from rover_sweep.tui.model.state import RunRecord
 from rover_sweep.tui.screens.frame import ABORT_WORDS, LEVELS, SessionScreen
 from rover_sweep.tui.screens.run import verdict_sentence
@@ -29,23 +27,18 @@ if TYPE_CHECKING:
 _WIDTH = 62
 
 
-class EditRow(ModalScreen[Row | None]):
+class EditRow(Box[Row | None]):
     """ENTER returns the changed row, ESC None."""
 
     BINDINGS = [
         Binding("enter", "keep", "save", priority=True),
-        Binding("escape,q", "leave", "cancel"),
+        Binding("escape,q", "dismiss", "cancel"),
         Binding("up", "choose(-1)", "choose"),
         Binding("down", "choose(1)", "choose"),
         Binding("left", "step(-1)", "less"),
         Binding("right", "step(1)", "more"),
         Binding("backspace", "rub_out", "delete"),
     ]
-    CSS = """
-    EditRow { align: center middle; background: $background; }
-    EditRow > Vertical { width: 68; max-width: 100%; height: auto; border: heavy $foreground; padding: 1 2; }
-    EditRow Static { width: 100%; height: auto; }
-    """
 
     def __init__(self, row: Row, limits: Mapping[str, float]) -> None:
         super().__init__()
@@ -112,9 +105,6 @@ class EditRow(ModalScreen[Row | None]):
         else:
             self.redraw()
 
-    def action_leave(self) -> None:
-        self.dismiss(None)
-
     def on_key(self, event: events.Key) -> None:
         if event.character and event.character in "0123456789.-":
             event.stop()
@@ -145,13 +135,11 @@ class EditRow(ModalScreen[Row | None]):
 # A box that asks for a line of text.
 
 
-class Typing(ModalScreen[str | None]):
+class Typing(Box[str | None]):
     """ENTER returns the text, ESC None."""
 
-    BINDINGS = [Binding("escape", "leave", "cancel")]
+    BINDINGS = [Binding("escape", "dismiss", "cancel")]
     CSS = """
-    Typing { align: center middle; background: $background; }
-    Typing > Vertical { width: 76; max-width: 100%; height: auto; border: heavy $foreground; padding: 1 2; }
     Typing Input { border: tall $foreground; color: $foreground; background: $background; }
     Typing Input > .input--cursor { color: $background; background: $foreground; text-style: none; }
     Typing Input > .input--selection { color: $background; background: $foreground; }
@@ -172,9 +160,6 @@ class Typing(ModalScreen[str | None]):
 
     def on_input_submitted(self, event: Input.Submitted) -> None:
         self.dismiss(event.value.strip())
-
-    def action_leave(self) -> None:
-        self.dismiss(None)
 
 
 # All runs of the session with outcome and verdict, and the messages of rover and program.
@@ -209,7 +194,7 @@ class LogScreen(SessionScreen):
         listed = [run_lines(run, width - 2) for run in state.runs[-most:]]
         whole = sum(map(len, listed)) <= most
         for run, of_run in zip(state.runs[-most:], listed, strict=True):
-            for line in of_run if whole else [run_line(run, width - 2)]:
+            for line in of_run if whole else run_lines(run, width - 2, whole):
                 rows.add(f" {line}", style=palette.ink)
         if state.fetching is not None:
             f = state.fetching
@@ -250,27 +235,17 @@ class LogScreen(SessionScreen):
 _RUN = (13, 11, 8)  # columns of a run in the log: name, outcome, amplitude
 
 
-def run_line(run: RunRecord, width: int) -> str:
-    """A run with its outcome and verdict in one line."""
-    return cells((*_of_run(run), _result(run)), (*_RUN, width - sum(_RUN) - len(_RUN) - 1))
-
-
-def run_lines(run: RunRecord, width: int) -> list[str]:
-    """The same, in as many lines as the verdict needs."""
-    left = sum(_RUN) + len(_RUN)
-    head = (cells(_of_run(run), _RUN), *([" " * (left - 1)] * 99))
-    words = wrapped(_result(run), width - left - 1) or [""]
-    return [f"{first} {row}".rstrip() for first, row in zip(head, words, strict=False)]
-
-
-def _of_run(run: RunRecord) -> tuple[str, ...]:
-    return run.label, " ".join(labels.OUTCOMES[run.outcome]), f"±{run.manoeuvre.amplitude:g} us"
-
-
-def _result(run: RunRecord) -> str:
-    if run.verdict is None:
-        return run.reason
-    return f"{labels.ADVICE[run.verdict.advice][0]} {verdict_sentence(run.verdict)}"
+def run_lines(run: RunRecord, width: int, whole: bool = True) -> list[str]:
+    """A run with its outcome and verdict, in as many lines as the verdict needs; not whole: in one line."""
+    first = run.label, " ".join(labels.OUTCOMES[run.outcome]), f"±{run.manoeuvre.amplitude:g} us"
+    result, left = run.reason, sum(_RUN) + len(_RUN)
+    if run.verdict is not None:
+        result = f"{labels.ADVICE[run.verdict.advice][0]} {verdict_sentence(run.verdict)}"
+    if not whole:
+        return [cells((*first, result), (*_RUN, width - left - 1))]
+    words = wrapped(result, width - left - 1) or [""]
+    head = (cells(first, _RUN), *([" " * (left - 1)] * (len(words) - 1)))
+    return [f"{start} {row}".rstrip() for start, row in zip(head, words, strict=True)]
 
 
 # Choice of the connection: from the command line, remembered, serial ports.
@@ -307,8 +282,16 @@ class ConnectScreen(SessionScreen):
         if self.state.played is not None:
             rows.sentence("This is a recording: its rover cannot be controlled.", self.palette.ink)
             return rows.text()
-        rows.sentence(_may(self.session.setup.own_part), self.palette.ink)
-        rows.sentence(_folder(self.session.setup), self.palette.ink)
+        setup = self.session.setup
+        may = "This program records and writes parameters; the pilot arms, drives and throws the switch."
+        if own := ", ".join(setup.own_part):
+            may = f"As the command line allows, this program {own}; it asks before each run."
+        kept = f"Recordings go to {setup.folder}" if setup.folder else "No folder for recordings is given"
+        if setup.folder and setup.driven:
+            count = f"{len(setup.driven)} run{'s' if len(setup.driven) > 1 else ''}"
+            kept += f", which has {count}: that session is continued"
+        rows.sentence(may, self.palette.ink)
+        rows.sentence(f"{kept}.", self.palette.ink)
         return rows.text()
 
     def action_choose(self, step: int) -> None:
@@ -338,20 +321,3 @@ class ConnectScreen(SessionScreen):
             return not (self.state.under_way or self.state.played is not None)
         played = self.state.played is not None
         return action != "connect" or not (self.state.busy or self.state.under_way or played)
-
-
-def _folder(setup: Setup) -> str:
-    """Sentence on the folder of the recordings and its earlier runs."""
-    if setup.folder is None:
-        return "No folder for recordings is given."
-    if not setup.driven:
-        return f"Recordings go to {setup.folder}."
-    count = f"{len(setup.driven)} runs" if len(setup.driven) > 1 else "1 run"
-    return f"Recordings go to {setup.folder}, which has {count}: that session is continued."
-
-
-def _may(own: tuple[str, ...]) -> str:
-    """Sentence on what the command line allows this program to do."""
-    if own:
-        return f"As the command line allows, this program {', '.join(own)}; it asks before each run."
-    return "This program records and writes parameters; the pilot arms, drives and throws the switch."

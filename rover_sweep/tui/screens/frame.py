@@ -13,13 +13,13 @@ from textual.actions import parse as parse_action
 from textual.app import ComposeResult
 from textual.binding import Binding
 from textual.containers import Vertical, VerticalScroll
-from textual.screen import ModalScreen, Screen
+from textual.screen import Screen
 from textual.widgets import Static
 
 from rover_sweep.live.source import Connect, DriveRequest, FetchLogs, Fix, Play, Preflight, Request
 from rover_sweep.tui import drawn as labels
-from rover_sweep.tui.drawn import Palette, ScreenRows, cut_line, harmless, in_rows, joined
-from rover_sweep.tui.model.plan_rows import Task, task
+from rover_sweep.tui.drawn import Box, Palette, ScreenRows, cut_line, harmless, in_rows
+from rover_sweep.tui.model.plan_rows import task
 from rover_sweep.tui.model.state import State
 
 if TYPE_CHECKING:
@@ -56,17 +56,15 @@ def status(state: State, palette: Palette, width: int) -> Text:
     armed = ("  ARMED ", palette.alarming) if now.armed else ("  disarmed ", palette.ink)
     text.append(*armed)
     text.append(f" {labels.mode_label(now.mode)}  switch {labels.switch_label(now.switch)}", palette.ink)
-    battery = joined(
-        (
-            f"{now.volts:.1f} V" if math.isfinite(now.volts) else "",
-            f"{100 * now.remaining:.0f} %" if math.isfinite(now.remaining) else "",
-        )
-    )
-    gps = f"{labels.FIXES.get(now.fix, 'GPS ?')} {now.satellites}"
-    ekf = "EKF ok" if now.ekf else "EKF not ready"
-    parts = [battery.replace("   ", " "), gps, ekf]
-    parts += [f"{now.received:.0f} messages/s" if math.isfinite(now.received) else ""]
-    parts += [f"recorded {labels.size(now.recorded)}"]
+    volts = f"{now.volts:.1f} V " if math.isfinite(now.volts) else ""
+    remaining = f"{100 * now.remaining:.0f} %" if math.isfinite(now.remaining) else ""
+    parts = [
+        f"{volts}{remaining}".rstrip(),
+        f"{labels.FIXES.get(now.fix, 'GPS ?')} {now.satellites}",
+        "EKF ok" if now.ekf else "EKF not ready",
+        f"{now.received:.0f} messages/s" if math.isfinite(now.received) else "",
+        f"recorded {labels.size(now.recorded)}",
+    ]
     for part in parts if width >= 110 else parts[:3]:
         if part and text.cell_len + len(part) + 2 <= width:
             text.append(f"  {part}", palette.ink)
@@ -77,20 +75,13 @@ def _link(state: State, palette: Palette) -> tuple[str, str]:
     if state.played is not None:
         played = state.played
         pace = "PAUSED" if played.rate == 0 else f"x{played.rate:g}"
-        return (
-            f"▶ REPLAY {minutes_seconds(played.t)} of {minutes_seconds(played.length)} {pace}",
-            palette.accent,
-        )
+        t, length = (f"{int(s) // 60}:{int(s) % 60:02d}" for s in (played.t, played.length))
+        return f"▶ REPLAY {t} of {length} {pace}", palette.accent
     if state.lost:
         return "✗ LINK LOST", palette.bad
     if state.vehicle is not None:
         return "● LINK", palette.good
     return "○ no link", palette.quiet
-
-
-def minutes_seconds(t: float) -> str:
-    """A time [s] as minutes:seconds."""
-    return f"{int(t) // 60}:{int(t) % 60:02d}"
 
 
 def message(
@@ -126,11 +117,6 @@ def message(
     line = state.messages[-1]
     style = {"warning": palette.doubtful, "error": palette.bad}.get(line.level, palette.quiet)
     return Text(in_rows(f"{LEVELS[line.level]}{line.text}", width, most), style, no_wrap=True)
-
-
-def _warns(state: State) -> bool:
-    """True if the last line of the log is a warning or an error."""
-    return bool(state.messages) and state.messages[-1].level in ("warning", "error")
 
 
 def working_on(request: Request) -> str:
@@ -170,16 +156,6 @@ def is_small(width: int, height: int) -> bool:
     return width < LEAST[0] or height < LEAST[1]
 
 
-def too_small(state: State, task: Task, palette: Palette, width: int, height: int) -> Text:
-    """Content for a window that is too small; during a run with the pilot's task and the abort keys."""
-    rows = ScreenRows(palette, width, height)
-    if state.under_way:
-        rows.filled(f" {ABORT_WORDS} ABORTS", palette.alarming)
-        rows.sentence(f"{task.big}: {task.sentence}", f"bold {palette.ink}", most=4)
-    rows.sentence(f"The window is {width}x{height}; make it {LEAST[0]}x{LEAST[1]} or larger.", palette.ink)
-    return rows.text()
-
-
 # The keys of a view and what they do, how to stop first.
 
 
@@ -191,20 +167,12 @@ _STOPS = (
 )
 
 
-class KeysHelp(ModalScreen[None]):
+class KeysHelp(Box[None]):
     """Scrolled by the arrow keys; any other key closes it, and does nothing else."""
 
-    BINDINGS: ClassVar = [
-        Binding("up", "scroll(-1)", show=False),
-        Binding("down", "scroll(1)", show=False),
-        Binding("pageup", "scroll(-10)", show=False),
-        Binding("pagedown", "scroll(10)", show=False),
-    ]
     CSS = """
-    KeysHelp { align: center middle; background: $background; }
-    KeysHelp > Vertical { width: 72; max-width: 100%; height: 100%; border: heavy $foreground; padding: 0 2; }
+    KeysHelp > Vertical { height: 100%; padding: 0 2; }
     KeysHelp VerticalScroll { scrollbar-size-vertical: 1; }
-    KeysHelp Static { width: 100%; height: auto; }
     """
 
     def __init__(self, palette: Palette, view: str, about: str, keys: Sequence[tuple[str, str]]) -> None:
@@ -212,7 +180,7 @@ class KeysHelp(ModalScreen[None]):
         self._palette, self._view, self._about, self._keys = palette, view, about, tuple(keys)
 
     def compose(self) -> ComposeResult:
-        with Vertical(), VerticalScroll(can_focus=False):
+        with Vertical(), VerticalScroll():
             yield Static(self.picture(), id="help", markup=False)
 
     def picture(self) -> Text:
@@ -225,17 +193,10 @@ class KeysHelp(ModalScreen[None]):
         rows.blank().add(f" Keys of {self._view}", style=f"bold {palette.accent}")
         if self._about:
             rows.sentence(self._about, palette.ink, indent=2)
-        for key, what in self._lines():
+        for key, what in (*self._keys, ("^P", "all commands, found by their names")):
             rows.add((f"  {key:<14}", f"bold {palette.ink}"), (what, palette.ink))
         rows.blank().add(" any key closes this; up and down scroll", style=palette.quiet)
         return rows.text()
-
-    def _lines(self) -> Iterator[tuple[str, str]]:
-        yield from self._keys
-        yield "^P", "all commands, found by their names"
-
-    def action_scroll(self, step: int) -> None:
-        self.query_one(VerticalScroll).scroll_relative(y=step, animate=False)
 
     def on_key(self, event: events.Key) -> None:
         if event.key not in ("up", "down", "pageup", "pagedown"):
@@ -353,6 +314,12 @@ class SessionScreen(Screen[None]):
             return "no rover is connected; 1 connects"
         return ""
 
+    def action_go(self) -> None:
+        self.session.drive_next()
+
+    def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
+        return action != "go" or self.session.may_drive
+
     def on_resize(self) -> None:
         self.redraw()
 
@@ -373,11 +340,12 @@ class SessionScreen(Screen[None]):
     def _pictures(self, width: int, height: int, small: bool) -> Iterator[tuple[str, Text]]:
         """(place, content) of all parts."""
         if small:
-            yield "body", too_small(self.state, task(self.state), self.palette, width, height)
+            yield "body", self._too_small(width, height)
             return
         body = self._drawn(width, height - _AROUND)
         most = min(_MESSAGE, 1 + height - LEAST[1])
-        if not (self.state.failure or self.repeats_messages and _warns(self.state)):  # else free rows only
+        last = self.state.messages[-1].level if self.state.messages and self.repeats_messages else ""
+        if not (self.state.failure or last in ("warning", "error")):  # else free rows only
             most = min(most, 1 + height - _AROUND - len(body.plain.rstrip().split("\n")))
         waited = self.session.waited
         said = message(self.state, self.palette, width, self.repeats_messages, waited, self._hint, most)
@@ -388,6 +356,16 @@ class SessionScreen(Screen[None]):
         yield "body", body if rows == 1 else self._drawn(width, height - _AROUND + 1 - rows)
         yield "message", said
         yield "keys", keys(list(self.keys_now()), self.palette, width)
+
+    def _too_small(self, width: int, height: int) -> Text:
+        """During a run with the pilot's task and the abort keys."""
+        rows, ink = ScreenRows(self.palette, width, height), self.palette.ink
+        if self.state.under_way:
+            rows.filled(f" {ABORT_WORDS} ABORTS", self.palette.alarming)
+            now = task(self.state)
+            rows.sentence(f"{now.big}: {now.sentence}", f"bold {ink}", most=4)
+        rows.sentence(f"The window is {width}x{height}; make it {LEAST[0]}x{LEAST[1]} or larger.", ink)
+        return rows.text()
 
     def _drawn(self, width: int, height: int) -> Text:
         """The content, or a sentence on an exception: the program must keep running during a run."""

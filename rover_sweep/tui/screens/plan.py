@@ -62,7 +62,7 @@ class PlanScreen(SessionScreen):
             3, height - 7 - (4 if analyses.proposal or analyses.proposing or analyses.next_step else 0)
         )
         for n in window(len(plan), self.chosen, room):
-            row, space = plan[n], asked.spaces[n]
+            row, space, m = plan[n], asked.spaces[n], plan[n].manoeuvre
             ground = f"{space.length:.0f}x{space.width:.0f} m" if space else "?"
             line = cells(
                 (
@@ -70,7 +70,7 @@ class PlanScreen(SessionScreen):
                     row.name,
                     _amplitude(row),
                     f"{row.speed:.1f}",
-                    _frequencies(row),
+                    f"{m.count} x {m.pulse:g} s" if m.kind == "doublet" else f"{m.w_min:g} to {m.w_max:g}",
                     f"{row.manoeuvre.duration:.0f}",
                     ground,
                     last_outcome(row, self.state.runs),
@@ -111,7 +111,11 @@ class PlanScreen(SessionScreen):
             rows.sentence(f"Proposal of further runs: {session.analyses.proposing}", palette.accent, most=2)
         elif session.analyses.proposal:
             proposal = session.analyses.proposal
-            runs = ", ".join(_times(proposal.count(row)) + _short(row) for row in dict.fromkeys(proposal))
+            runs = ", ".join(
+                f"{f'{n} x ' if (n := proposal.count(row)) > 1 else ''}{row.kind} {_amplitude(row)} us at "
+                f"{row.speed:g} m/s"
+                for row in dict.fromkeys(proposal)
+            )
             rows.sentence(f"PROPOSED (T adds them): {runs}", f"bold {palette.accent}", most=3, below=6)
             for settles in dict.fromkeys(row.settles for row in proposal if row.settles):
                 rows.sentence(settles, palette.accent, most=2, below=4)
@@ -123,9 +127,6 @@ class PlanScreen(SessionScreen):
     def action_choose(self, step: int) -> None:
         past = self.chosen >= len(self.session.plan)
         self.session.choose(0 if past and step > 0 else self.chosen + step)
-
-    def action_go(self) -> None:
-        self.session.drive_next()
 
     def action_add(self, kind: str) -> None:
         plan = self.session.plan
@@ -158,8 +159,6 @@ class PlanScreen(SessionScreen):
         self.session.choose_next()
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
-        if action == "go":
-            return self.session.may_drive
         if action in ("edit", "remove"):
             return self.session.next_row is not None
         if action == "choose":
@@ -173,7 +172,7 @@ class PlanScreen(SessionScreen):
                 self.session.setup.vehicle_path is not None
                 and not self.session.analyses.proposing.startswith("this")
             )
-        return True
+        return super().check_action(action, parameters)
 
 
 def last_outcome(row: Row, runs: tuple[RunRecord, ...]) -> str:
@@ -186,25 +185,10 @@ def last_outcome(row: Row, runs: tuple[RunRecord, ...]) -> str:
     return f"{outcomes[0]}{before}" if outcomes else ""
 
 
-def _times(count: int) -> str:
-    return f"{count} x " if count > 1 else ""
-
-
-def _short(row: Row) -> str:
-    return f"{row.kind} {_amplitude(row)} us at {row.speed:g} m/s"
-
-
 def _amplitude(row: Row) -> str:
     m = row.manoeuvre
     bias = getattr(m, "bias", 0.0)
     return f"±{m.amplitude:g}" + (f"{bias:+g}" if bias else "")
-
-
-def _frequencies(row: Row) -> str:
-    m = row.manoeuvre
-    if m.kind == "doublet":
-        return f"{m.count} x {m.pulse:g} s"
-    return f"{m.w_min:g} to {m.w_max:g}"
 
 
 # The checks before a run: state, observed value, and the key that fixes it.
@@ -263,10 +247,12 @@ class PreflightScreen(SessionScreen):
             if n == chosen:
                 rows.filled(line, palette.inverse)
             else:
-                first, rest = (
-                    (palette.quiet, palette.quiet) if old else (f"bold {_style(check, palette)}", palette.ink)
+                colour = {"good": palette.good, "doubtful": palette.doubtful, "bad": palette.bad}
+                first = f"bold {colour.get(check.state, palette.ink)}"
+                rows.add(
+                    (line[:14], palette.quiet if old else first),
+                    (line[14:], palette.quiet if old else palette.ink),
                 )
-                rows.add((line[:14], first), (line[14:], rest))
         rows.down_to(height - below)
         if about:
             rows.add("─" * width, style=palette.quiet)
@@ -292,18 +278,16 @@ class PreflightScreen(SessionScreen):
             self._fix(Fix(check.name))
             return
         question = f"{check.remedy.words}\n\nThis reboots the rover. It must stand still and be disarmed."
-        self.app.push_screen(Question(question, "fix it and reboot the rover"), self._answered(check.name))
+
+        def answer(yes: bool | None) -> None:
+            if yes:
+                self._fix(Fix(check.name, reboot=True))
+
+        self.app.push_screen(Question(question, "fix it and reboot the rover"), answer)
 
     def _fix(self, request: Fix) -> None:
         self.chosen = None  # then the next that is not good
         self.session.ask(request)
-
-    def _answered(self, name: str):  # type: ignore[no-untyped-def]
-        def answer(yes: bool | None) -> None:
-            if yes:
-                self._fix(Fix(name, reboot=True))
-
-        return answer
 
     def why_not(self, action: str) -> str:
         if (why := super().why_not(action)) or action != "fix" or self.check is None:
@@ -331,12 +315,6 @@ def count_line(checks: tuple[Check, ...], ago: str = "") -> str:
         return f"All {len(checks)} checks are good: press 3 to plan the runs"
     again = f", {ago}: R checks again" if ago else ""
     return f"{bad} bad, {other} doubtful or unknown, {len(checks) - bad - other} good{again}"
-
-
-def _style(check: Check, palette: Palette) -> str:
-    return {"good": palette.good, "doubtful": palette.doubtful, "bad": palette.bad}.get(
-        check.state, palette.ink
-    )
 
 
 def _about(check: Check, palette: Palette, width: int, column: int) -> list[tuple[str, str]]:

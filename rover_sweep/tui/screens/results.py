@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from rich.text import Text
 from textual.binding import Binding
 
 from firmware_params.applet_parameters import PARAMETERS
-from rover_sweep.data.braille import braille_lines
+from rover_sweep.data.braille import braille_lines, ruler
 from rover_sweep.live.source import ResponseCurve
 from rover_sweep.tui import drawn as labels
 from rover_sweep.tui.drawn import (
@@ -155,11 +155,8 @@ def _result_lines(job: AnalysisJob, palette: Palette, width: int) -> list[tuple[
     if job.summary:
         return lines
     ink = palette.bad if job.outcome == "failed" else palette.ink
-    return [(row, ink) for line in job.lines for row in _fitted(line.rstrip(), width)]
-
-
-def _fitted(line: str, width: int) -> list[str]:
-    return wrapped(line, width) if len(line) > width else [line]
+    told = [line.rstrip() for line in job.lines]
+    return [(row, ink) for line in told for row in (wrapped(line, width) if len(line) > width else [line])]
 
 
 # The frequency response of a run just driven: gain, phase and coherence over frequency.
@@ -178,7 +175,7 @@ def draw_bode(rows: ScreenRows, curve: ResponseCurve) -> None:
     palette = rows.palette
     name = labels.RESPONSES.get(curve.response, curve.response)
     rows.add(f" {name} per {_INPUTS[curve.steering]}, over rad/s", style=f"bold {palette.ink}")
-    room = rows.left - 2
+    room, width = rows.left - 2, rows.width - _LABELS - 1
     if room < 9 or len(curve.w) < 2:
         rows.add(" too few points, or too small a window, for a picture", style=palette.quiet)
         return
@@ -187,20 +184,16 @@ def draw_bode(rows: ScreenRows, curve: ResponseCurve) -> None:
     _panel(rows, "gain dB", curve.w, curve.gain, _range([curve.gain[k] for k in trusted], 5.0), each)
     _panel(rows, "phase deg", curve.w, curve.phase, _range([curve.phase[k] for k in trusted], 90.0), each)
     _panel(rows, "coherence", curve.w, curve.coherence, (0.0, 1.0), room - 2 * each)
-    rows.add(" " * _LABELS + decades(curve.w[0], curve.w[-1], _width(rows)), style=palette.quiet)
+    rows.add(" " * _LABELS + decades(curve.w[0], curve.w[-1], width), style=palette.quiet)
     good = sum(c >= ENOUGH for c in curve.coherence) / len(curve.w)
     rows.add(f" coherence is at least {ENOUGH:g} at {100 * good:.0f} % of the points", style=palette.ink)
-
-
-def _width(rows: ScreenRows) -> int:
-    return rows.width - _LABELS - 1
 
 
 def _panel(
     rows: ScreenRows, name: str, w: Sequence[float], y: Sequence[float], ends: tuple[float, float], each: int
 ) -> None:
     across = [math.log(one) for one in w]
-    drawn = braille_lines([(across, y)], (across[0], across[-1]), ends, _width(rows), each)
+    drawn = braille_lines([(across, y)], (across[0], across[-1]), ends, rows.width - _LABELS - 1, each)
     for n, line in enumerate(drawn):
         value = f"{ends[1]:.4g}" if n == 0 else f"{ends[0]:.4g}" if n == each - 1 else ""
         word = name if n == each // 2 else ""
@@ -219,21 +212,11 @@ def _range(values: Sequence[float], step: float) -> tuple[float, float]:
 
 
 def decades(low: float, high: float, width: int) -> str:
-    """A row of `width` characters below a logarithmic axis: 1, 2, 5, ... at their places, and the ends."""
-    row = [" "] * width
-    span = math.log(high / low)
-    first, last = f"{low:.2g}", f"{high:.2g}"
-    for place, text in ((0, first), (width - len(last), last)):
-        row[place : place + len(text)] = text
-    for exponent in range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1):
-        for digit in (1, 2, 5):
-            value = digit * 10.0**exponent
-            text = f"{value:g}"
-            at = round(math.log(value / low) / span * (width - 1))
-            around = row[max(0, at - 1) : at + len(text) + 1]
-            if low < value < high and at + len(text) < width and all(cell == " " for cell in around):
-                row[at : at + len(text)] = text
-    return "".join(row)
+    """A row of `width` characters below a logarithmic axis: the ends, and 1, 2, 5, ... at their places."""
+    exponents = range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1)
+    values = [digit * 10.0**exponent for exponent in exponents for digit in (1, 2, 5)]
+    places = [(math.log(v / low) / math.log(high / low), f"{v:g}") for v in values if low < v < high]
+    return ruler([(0.0, f"{low:.2g}"), (1.0, f"{high:.2g}"), *places], width)
 
 
 # The signals of a run: value, position between limits, short history.
@@ -261,18 +244,14 @@ class GaugeSignal:
     limits: str = ""
 
 
-def limit_of(state: State, setup: Setup) -> Callable[[str], float]:
-    """A function for the limits of the applet: set on the vehicle, else on the command line, else default."""
-    extra = {f"SWP_{name.upper()}": value for name, value in setup.settings.extra.items()}
-    return lambda name: state.parameters.get(name, extra.get(name, _DEFAULTS[name]))
-
-
 def signals_of(state: State, setup: Setup) -> tuple[GaugeSignal, ...]:
-    """The signals with their limits."""
-    limit, vehicle = limit_of(state, setup), setup.vehicle
+    """The signals with the limits of the applet."""
+    known = _DEFAULTS | {f"SWP_{name.upper()}": value for name, value in setup.settings.extra.items()}
+    known, vehicle = known | state.parameters, setup.vehicle  # default, command line, set on the vehicle
     trim = vehicle.trim_us.value if vehicle and vehicle.trim_us else _TRIM
-    most, r_max, roll = limit("SWP_PWM_MAX"), limit("SWP_R_MAX"), limit("SWP_ROLL_MAX")
-    slow, fast = limit("SWP_V_MIN"), limit("SWP_V_MAX")
+    most, r_max, roll, slow, fast = (
+        known[f"SWP_{n}"] for n in ("PWM_MAX", "R_MAX", "ROLL_MAX", "V_MIN", "V_MAX")
+    )
     return (
         GaugeSignal("steering", "pwm", 1.0, "us", "6.0f", trim - most, trim + most, f"{trim:g} ±{most:g}"),
         GaugeSignal("yaw rate", "r", _DEGREES, "°/s", "+6.0f", -r_max, r_max, f"±{r_max:g}"),

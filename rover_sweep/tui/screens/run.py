@@ -12,10 +12,12 @@ from rover_sweep.manoeuvre.sweep import Doublet
 from rover_sweep.tui import drawn as labels
 from rover_sweep.tui.drawn import ScreenRows, bar, big, cells, fixed_width, huge
 from rover_sweep.tui.model.plan_rows import task
-from rover_sweep.tui.model.state import RunRecord, State
-from rover_sweep.tui.screens import results as signals
+from rover_sweep.tui.model.state import RunRecord
 from rover_sweep.tui.screens.frame import ABORT_WORDS, SessionScreen
-from rover_sweep.tui.screens.results import draw_bode
+from rover_sweep.tui.screens.results import draw_bode, draw_signals
+
+PLAYING = "SPACE pauses, , and . jump 10 s, + and - change the speed."
+WAY_OUT = "SPACE or ESC ends a run; without this laptop: switch low, disarm or change the mode."
 
 
 class RunScreen(SessionScreen):
@@ -29,19 +31,14 @@ class RunScreen(SessionScreen):
         self._title(rows)
         self._to_do(rows)
         self._progress(rows)
-        signals.draw_signals(rows, self.state, self.session.setup, _tall(height))
+        each = max(1, min(6, (height - 28) // 5)) if height > 34 else 1
+        draw_signals(rows, self.state, self.session.setup, each)
         rows.blank()
         self._facts(rows)
         abort = 7 if height > 40 else 5 if height > 30 else 3
         rows.down_to(height - abort)
         self._abort(rows, abort)
         return rows.text()
-
-    def action_go(self) -> None:
-        self.session.drive_next()
-
-    def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
-        return action != "go" or self.session.may_drive
 
     def _title(self, rows: ScreenRows) -> None:
         state, palette = self.state, self.palette
@@ -53,8 +50,9 @@ class RunScreen(SessionScreen):
                 if row
                 else "the plan is complete"
             )
-            waits = ", computing its verdict" if run and _waits(run) else ""
-            last = f"{run.name} {labels.OUTCOMES[run.outcome][1]}{waits}; " if run else ""
+            waits = run and run.outcome == "done" and run.verdict is None and not run.reason
+            verdict = ", computing its verdict" if waits else ""
+            last = f"{run.name} {labels.OUTCOMES[run.outcome][1]}{verdict}; " if run else ""
             rows.add(f" {last}{following}", style=f"bold {palette.ink}")
             return
         if run is None:
@@ -70,7 +68,7 @@ class RunScreen(SessionScreen):
         palette = self.palette
         style = palette.asking if now.urgent else f"bold {palette.accent}"
         if now.big:
-            for line in huge(now.big) if _roomy(rows) else big(now.big):
+            for line in (huge if rows.height > 40 and rows.width >= 150 else big)(now.big):
                 rows.filled(f"  {line}", style)
         words = f"{now.big + ': ' if now.big else ''}{now.sentence}"
         rows.sentence(words, f"bold {palette.ink}", most=2, below=12)
@@ -117,33 +115,14 @@ class RunScreen(SessionScreen):
         if not self.state.under_way:
             if height > 3:
                 rows.blank(height - 3)
-            rows.blank(1).sentence(_way_out(self.state), palette.quiet, most=2)
+            played = self.state.played is not None
+            rows.blank(1).sentence(PLAYING if played else WAY_OUT, palette.quiet, most=2)
             return
         words = f"{ABORT_WORDS}: ends the run at once"
         picture = [f"  {line}   " for line in (huge if height > 5 else big)("ABORT")]
         picture[len(picture) // 2] += words
         for line in ["", *picture, ""] if height > 3 else picture:
             rows.filled(line, palette.alarming)
-
-
-def _way_out(state: State) -> str:
-    if state.played is not None:
-        return "SPACE pauses, , and . jump 10 s, + and - change the speed."
-    return "SPACE or ESC ends a run; without this laptop: switch low, disarm or change the mode."
-
-
-def _waits(run: RunRecord) -> bool:
-    return run.outcome == "done" and run.verdict is None and not run.reason
-
-
-def _roomy(rows: ScreenRows) -> bool:
-    """True if letters of five rows fit."""
-    return rows.height > 40 and rows.width >= 150
-
-
-def _tall(height: int) -> int:
-    """Rows for the history of each signal."""
-    return max(1, min(6, (height - 28) // 5)) if height > 34 else 1
 
 
 # The verdict on a run: keep or repeat, coherence by band, proposed amplitudes.
@@ -208,9 +187,12 @@ class VerdictScreen(SessionScreen):
         if self.drawn and run.verdict.curves:
             draw_bode(rows, run.verdict.curves[self.response % len(run.verdict.curves)])
             return rows.text()
-        self._advice(rows, run)
+        self._advice(rows, run.verdict)
         rows.sentence(self._next(run), f"bold {palette.accent}", most=2, below=_table(run.verdict))
-        self._bands(rows, run)
+        if rows.left > 2 and (run.verdict.bands or run.verdict.per_band):
+            _matrix(rows.blank(), run.verdict)
+            if words := why_kept(run.verdict):
+                rows.sentence(words, palette.quiet, most=1)
         return rows.text()
 
     def _next(self, run: RunRecord) -> str:
@@ -226,19 +208,13 @@ class VerdictScreen(SessionScreen):
         if row is None:
             first = "disarm, then " if self.state.armed else ""
             return f"{again}The plan is complete: {first}6 fetches the logs, 7 identifies, 3 plans more."
-        return (
-            f"{again}Next: {row.name}, {labels.manoeuvre(row.manoeuvre)} at {row.speed:g} m/s"
-            f"{self._throttle()} (G drives it)."
-        )
-
-    def _throttle(self) -> str:
-        """With which throttle this program drives, as part of a sentence; "" if the pilot does."""
         us = self.session.setup.settings.throttle_us
-        return "" if us is None else f" with throttle {us} us"
+        throttle = "" if us is None else f" with throttle {us} us"
+        what = f"{row.name}, {labels.manoeuvre(row.manoeuvre)} at {row.speed:g} m/s"
+        return f"{again}Next: {what}{throttle} (G drives it)."
 
-    def _advice(self, rows: ScreenRows, run: RunRecord) -> None:
-        verdict, palette = run.verdict, self.palette
-        assert verdict is not None
+    def _advice(self, rows: ScreenRows, verdict: Verdict) -> None:
+        palette = self.palette
         style = {"keep": palette.good, "repeat": palette.doubtful}.get(verdict.advice, palette.bad)
         sign, word = labels.ADVICE[verdict.advice]
         for line in huge(word) if rows.height > 40 else big(word):
@@ -249,17 +225,6 @@ class VerdictScreen(SessionScreen):
         remarks = [text for text in verdict.remarks if not text.startswith(tuple(in_table))]
         for remark in remarks[: 2 if rows.height < 30 else 6]:
             rows.sentence(remark, palette.ink, most=2, below=below)
-
-    def _bands(self, rows: ScreenRows, run: RunRecord) -> None:
-        verdict = run.verdict
-        assert verdict is not None
-        if rows.left > 2 and (verdict.bands or verdict.per_band):
-            _matrix(rows.blank(), verdict)
-            if words := why_kept(verdict):
-                rows.sentence(words, self.palette.quiet, most=1)
-
-    def action_go(self) -> None:
-        self.session.drive_next()
 
     def action_turn(self, step: int) -> None:
         self.back = min(max(0, self.back - step), max(0, len(self.state.runs) - 1))
@@ -282,8 +247,6 @@ class VerdictScreen(SessionScreen):
             self.session.lower_throttle(self.run_shown)
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
-        if action == "go":
-            return self.session.may_drive
         if action == "lower":
             return self.session.can_lower_throttle(self.run_shown)
         if action == "take":
@@ -292,7 +255,9 @@ class VerdictScreen(SessionScreen):
             run = self.run_shown
             there = run is not None and run.verdict is not None and bool(run.verdict.curves)
             return there and (action == "bode" or self.drawn)
-        return action != "turn" or len(self.state.runs) > 1
+        if action == "turn":
+            return len(self.state.runs) > 1
+        return super().check_action(action, parameters)
 
 
 def verdict_sentence(verdict: Verdict) -> str:

@@ -1,1 +1,0 @@
-"""Reports of a comparison of simulation and recordings, and of a corrected simulation."""

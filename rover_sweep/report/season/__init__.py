@@ -1,1 +1,0 @@
-"""The report of a season: a page for the fleet, a page for each vehicle, tables for other programs."""

@@ -1,1 +1,0 @@
-"""A page that plots any channel of a log against time or another channel."""
