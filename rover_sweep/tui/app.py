@@ -99,7 +99,7 @@ class SweepApp(SessionApp):
             )
 
     def get_system_commands(self, screen: Screen[Any]) -> Iterator[SystemCommand]:
-        """What the active keys do, but for driving: only its own key starts a run, not a search."""
+        """The commands of the active keys, except driving: only its own key starts a run, not a search."""
         active = screen.active_bindings.values() if isinstance(screen, SessionScreen) else ()
         seen: set[str] = set()
         for binding, node in ((a.binding, a.node) for a in active if a.enabled and a.binding.show):

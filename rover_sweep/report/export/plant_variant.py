@@ -162,9 +162,9 @@ def not_in_the_plant(model: AugmentedModel) -> list[str]:
 def _numbers(model: AugmentedModel) -> dict[str, Value]:
     n, x = model.numbers, model.value
     rover, roll = model.rover, model.simulated.roll
-    h, bend = n["h"] if roll else 0.0, x("bend")  # friction saturates as the model in the driven range
+    h, bend = n["h"] if roll else 0.0, x("bend")  # the tyres saturate as the model's do
     imu = n["imu_x"], n["imu_z"]
-    if "imu_offset" in model.effects:  # it lists the offset itself
+    if "imu_offset" in model.effects:  # the effect has the offset
         imu = rover.imu_x, rover.imu_z
     out: dict[str, Value] = {
         "mass": n["m"],

@@ -155,8 +155,8 @@ def _result_lines(job: AnalysisJob, palette: Palette, width: int) -> list[tuple[
     if job.summary:
         return lines
     ink = palette.bad if job.outcome == "failed" else palette.ink
-    told = [line.rstrip() for line in job.lines]
-    return [(row, ink) for line in told for row in (wrapped(line, width) if len(line) > width else [line])]
+    printed = [line.rstrip() for line in job.lines]
+    return [(row, ink) for line in printed for row in (wrapped(line, width) if len(line) > width else [line])]
 
 
 # The frequency response of a run just driven: gain, phase and coherence over frequency.
