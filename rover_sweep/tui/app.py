@@ -126,7 +126,12 @@ class SweepApp(SessionApp):
         try:
             loop.add_signal_handler(number, self._leave_now)
         except NotImplementedError:  # Windows
-            signal.signal(number, lambda *_: loop.call_soon_threadsafe(self._leave_now) and None)
+
+            def leave(*_: object) -> None:
+                with contextlib.suppress(RuntimeError):  # the screen has closed already
+                    loop.call_soon_threadsafe(self._leave_now)
+
+            signal.signal(number, leave)
 
     def _leave_now(self) -> None:
         """Told to end: abort first, as closing the views takes seconds."""
