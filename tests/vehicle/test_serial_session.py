@@ -26,7 +26,7 @@ SWEEP = Sweep(amplitude=120, w_min=2, w_max=20, t_rec=10)
 
 
 def driven(url: str, folder: Path) -> Iterator[Event]:
-    """A sweep and a doublet, armed and driven by this program."""
+    """The events of a session that arms and drives the simulated rover."""
     runs = (SessionRun("sweep1", SWEEP), SessionRun("doublet", Doublet(count=1)))
     return drive(url, folder, simulated_plan(runs, SimulatedRover()))
 

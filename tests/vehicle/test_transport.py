@@ -79,6 +79,7 @@ def com5(monkeypatch: pytest.MonkeyPatch) -> type[FakePort]:
     monkeypatch.setattr("serial.tools.list_ports.comports", lambda: [other, info])
     monkeypatch.setattr(serial, "Serial", FakePort)
     monkeypatch.setattr(FakePort, "opened", [])
+    monkeypatch.setattr("rover_sweep.vehicle.link.transport._HEARD_AT", {})
     return FakePort
 
 
@@ -107,6 +108,10 @@ def test_without_a_speed_the_usual_ones_are_tried(
     assert tried[0] == 57600 and set(tried) == {57600, 115200}
     assert tried == sorted(tried)  # once a frame was heard, the speed stays
     port.close()
+    open_transport("COM5").close()
+    again = open_transport("com5")
+    assert com5.opened[0].baudrate == 115200  # at once
+    again.close()
 
 
 def test_a_missing_port_names_those_that_are_there(

@@ -101,7 +101,7 @@ def test_identify(place: Path) -> None:
 
 
 def test_dry_run(place: Path) -> None:
-    short = ("--trec", "10", "--wmin", "2", "--wmax", "20", "--out", "kurzer Test")
+    short = ("--sweep", "160,2,20,10", "--doublet", "150", "--out", "kurzer Test")
     done = rover_sweep(place, "dry-run", *short)
     assert re.search(r"(?m)^.*roll-yaw", done.stdout)
     assert (place / "kurzer Test" / "report" / "report.html").is_file()

@@ -244,6 +244,9 @@ def speeds_tried(url: str) -> str:
     return f" at {' or '.join(map(str, SPEEDS))} baud" if without else ""
 
 
+_HEARD_AT: dict[str, int] = {}  # {device: speed}: a search for a lost vehicle gives each attempt 3 s only
+
+
 class Serial(Transport):
     """A serial line, 8N1, by pyserial, for this program alone. Without a speed (baud 0) the usual ones are
     tried in turn until a whole frame is heard."""
@@ -252,7 +255,7 @@ class Serial(Transport):
         import serial
 
         self._framer, self._codec = Framer(), Codec()
-        self._untried = None if baud else cycle(SPEEDS)
+        self._untried = None if baud else cycle(sorted(SPEEDS, key=lambda s: s != _HEARD_AT.get(device)))
         self._change = time.monotonic() + _SPEED_TRIED
         speed = baud or next(self._untried or iter(SPEEDS))
         self._takes_no_data = serial.SerialTimeoutException
@@ -276,6 +279,7 @@ class Serial(Transport):
     def _try_speeds(self, untried: Iterator[int], data: bytes) -> None:
         if any(is_frame and self._codec.decode(frame) for frame, is_frame in self._framer.feed(data)):
             self._untried = None
+            _HEARD_AT[self._port.port] = self._port.baudrate
         elif time.monotonic() >= self._change:
             self._change = time.monotonic() + _SPEED_TRIED
             self._framer = Framer()
