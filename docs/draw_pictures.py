@@ -31,10 +31,7 @@ TURNS = HERE.parent / "tests/data/gains/ardurover-4.6.3/acro.BIN"
 PICTURES = ("models.svg", "verification-run4.svg")
 SPEED = 2.45  # m/s, of the recorded turns
 SHOWN = 5.0  # s of them: one corner of 90 degrees
-CONCEALED = (
-    45,
-    SIZE_HERE,
-)  # seed of a rover of the foreign plant, size of its law: tanh tyres that slide at .34 g
+CONCEALED = 45  # seed of a drawn rover of the foreign plant: tanh tyres that slide at .34 g
 COLOURS = {"default": "#B5452C", "proposed": "#1F6FA8"}
 
 
@@ -99,13 +96,12 @@ def _tyres(axes: Axes) -> None:
     from tests.foreign.recorded import drives, runs_of
     from tests.foreign.rover import SIZES, draw_rover
 
-    seed, size = CONCEALED
-    rng = np.random.default_rng([1, seed])
+    rng = np.random.default_rng([1, CONCEALED])
     plain = draw_rover(rng, SIZES[int(rng.integers(len(SIZES)))])
     plan = drives(rng, plain)
     (saturating,) = (law for law in LISTED if (law.effect, law.form) == ("tyre_saturation", "tanh"))
-    rover = saturating.apply(plain, size, {})
-    runs, held_out = runs_of(rover, plan, seed)
+    rover = saturating.apply(plain, saturating.high, {})
+    runs, held_out = runs_of(rover, plan, CONCEALED)
     found = rs.diagnose(runs, held_out)
     (curve,) = (c for c in found.curves if c.place == "side force front")
     x, n = np.degrees(curve.x), rover.numbers
