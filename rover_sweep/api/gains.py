@@ -17,7 +17,7 @@ from rover_sweep.gains.check import SpeedCheck, SteeringCheck, check_speed, chec
 from rover_sweep.gains.identified import PHYSICAL, Identified, from_diagnosis, from_identification
 from rover_sweep.gains.proposal import Proposal, propose_gains
 from rover_sweep.gains.steering_chain import autopilot
-from rover_sweep.logs.controllers import read_controllers
+from rover_sweep.logs.controllers import Controllers, read_controllers
 from rover_sweep.report.identification.identification_json import identification_document
 
 LOGS = (".bin", ".log", ".tlog")
@@ -56,8 +56,10 @@ def steering_gains(
 
 @dataclass(frozen=True, eq=False)
 class CheckedGains:
-    """The checks of one log, or of two: before and after. speed: none if its controller was not logged."""
+    """steering, speed: of the present gains, forward and in reverse as far as driven and logged; before: of
+    both controllers in the earlier drive, none for one log with one set of gains."""
 
+    before: tuple[tuple[SteeringCheck, ...], tuple[SpeedCheck, ...]]
     steering: tuple[SteeringCheck, ...]
     speed: tuple[SpeedCheck, ...]
 
@@ -71,19 +73,26 @@ def check_gains(logs: Sequence[Path], found: Identified | None = None) -> Checke
     """
     if not 1 <= len(logs) <= 2:
         raise UsageError("--check takes one log, or two: before and after")
-    read = [read_controllers(path) for path in logs]
-    steering = [log for each in read for log in (each.steering if len(read) == 1 else each.steering[-1:])]
-    speed = [log for each in read for log in (each.speed if len(read) == 1 else each.speed[-1:])]
+    first, last = read_controllers(logs[0]), read_controllers(logs[-1])
+    now, earlier = last.steering[-1], first.steering[-1 if len(logs) > 1 else 0]
+    known = len(logs) > 1 or earlier.parameters != now.parameters
     try:
-        checked = [check_steering(log, found) for log in _ends(steering)]
+        steering, speed = _checked(last, now, found)
+        before = _checked(first, earlier, found) if known else ((), ())
     except ValueError as error:
         raise DataRefused(str(error)) from None
-    of_speed = (check_speed(log) for log in _ends(speed))
-    return CheckedGains(tuple(checked), tuple(check for check in of_speed if check is not None))
+    return CheckedGains((before[0][:1], before[1][:1]), steering, speed)
 
 
-def _ends(logs: Sequence[ControllerLog]) -> Sequence[ControllerLog]:
-    return logs if len(logs) < 3 else (logs[0], logs[-1])
+def _checked(
+    logs: Controllers, of: ControllerLog, found: Identified | None
+) -> tuple[tuple[SteeringCheck, ...], tuple[SpeedCheck, ...]]:
+    """The checks of both controllers, forward and in reverse, with the parameters of one log."""
+    steering, speed = (
+        [log for log in some if log.parameters == of.parameters] for some in (logs.steering, logs.speed)
+    )
+    on_speed = (check_speed(log) for log in speed)
+    return tuple(check_steering(log, found) for log in steering), tuple(c for c in on_speed if c is not None)
 
 
 def read_identified(place: Path, name: str | None, vehicle_file: str | None = None) -> Identified:

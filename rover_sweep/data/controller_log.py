@@ -45,6 +45,11 @@ class ControllerLog:
         return self.p + self.i + self.d + self.ff
 
     @property
+    def reverse(self) -> bool:
+        """Whether the rover drove backwards."""
+        return bool(self.speed.size) and float(np.median(self.speed)) < 0
+
+    @property
     def seconds(self) -> float:
         """Time [s] in which the controller ran."""
         steps = np.diff(self.t)
@@ -63,9 +68,9 @@ class ControllerLog:
         return self.where(self.t - self.t[last] <= STALE_S) if self.t.size else self
 
     def stretches(self, changes: Sequence[tuple[float, str, float]]) -> Iterator[ControllerLog]:
-        """The log in parts with constant parameters. changes: (time [s], name, value) in their order.
+        """The log in parts with constant parameters, forward and in reverse apart.
 
-        Parts of less than `LEAST_SECONDS` are left out.
+        changes: (time [s], name, value) in their order. Parts of less than `LEAST_SECONDS` are left out.
         """
         if not self.t.size:
             return
@@ -79,9 +84,11 @@ class ControllerLog:
             known[name] = value
         ends = [*(at for at, _ in edges[1:]), np.inf]
         for (start, parameters), end in zip(edges, ends, strict=True):
-            part = self.where((self.t >= start) & (self.t < end))
-            if part.seconds >= LEAST_SECONDS:
-                yield replace(part, parameters=parameters)
+            inside = (self.t >= start) & (self.t < end)
+            for way in (inside & (self.speed >= 0), inside & (self.speed < 0)):
+                part = self.where(way)
+                if part.seconds >= LEAST_SECONDS:
+                    yield replace(part, parameters=parameters)
 
 
 TUNED = ("ATC_STR_", "ATC_TURN_", "ATC_SPEED_", "ATC_ACCEL", "ATC_DECEL", "CRUISE_", "MOT_", "INS_GYRO_")

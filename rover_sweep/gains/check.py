@@ -104,11 +104,11 @@ def check_steering(log: ControllerLog, found: Identified | None = None) -> Steer
         ends = sorted(replace(fitted, gain=end).feed_forward(loop) for end in fitted.interval)
         right = (fitted.feed_forward(loop), ends[0], ends[1])
     if swing is not None:
-        skipped += ("FF: check again when the loop no longer oscillates",)
+        skipped += ("FF and the stops: check again when the loop no longer oscillates",)
     findings = (
         *_oscillates(swing, loop.gains, "ATC_STR_RAT", "deg/s", math.degrees(1.0)),
         *(_feed_forward(loop.gains, fitted, right) if swing is None else ()),
-        *_limits(limits, loop, fitted),
+        *_limits([limit for limit in limits if limit.parameter or swing is None], loop, fitted),
     )
     plant = _identified(found, fitted, loop)
     own = _own(fitted, loop)

@@ -301,32 +301,47 @@ def _speed_reasons(proposal: SpeedProposal, judged: AssessedSpeed) -> dict[str, 
 
 # The checks of logged drives as plain data for JSON.
 
+BothChecks = tuple[Sequence[SteeringCheck], Sequence[SpeedCheck]]
 
-def check_document(steering: Sequence[SteeringCheck], speed: Sequence[SpeedCheck]) -> dict[str, Any]:
-    """The checks of one log or of two; turn rates in rad/s, speeds in m/s, null for an unknown number."""
-    kept = ("achieved", "response", "oscillation", "findings")
-    logs = [
-        {
-            "log": check.log.name,
-            "speed_m_s": check.speed,
-            "gains": check.autopilot.gains.parameters,
-            **{name: _plain(getattr(check, name)) for name in (*kept, "limits", "predicted", "after")},
-            "feed_forward": dict(zip(("value", "low", "high"), check.feed_forward or (), strict=False)),
-            "not_checked": list(check.skipped),
+
+def check_document(before: BothChecks, now: BothChecks) -> dict[str, Any]:
+    """The checks of the drive before and of the present one, each of steering and speed.
+
+    Turn rates in rad/s, speeds in m/s, null for an unknown number.
+    """
+    own = ("achieved", "oscillation", "findings")
+    names = (*own, "response", "limits", "predicted", "after")
+    found = {
+        when: {
+            "steering": [
+                {
+                    "log": check.log.name,
+                    "speed_m_s": check.speed,
+                    "gains": check.autopilot.gains.parameters,
+                    **{name: _plain(getattr(check, name)) for name in names},
+                    "feed_forward": _ends(check.feed_forward),
+                    "not_checked": list(check.skipped),
+                }
+                for check in steering
+            ],
+            "speed": [
+                {
+                    "log": check.log.name,
+                    **{
+                        name: _plain(getattr(check, name)) for name in ("achieved", "oscillation", "findings")
+                    },
+                    "cruise_throttle_percent": _ends(check.cruise),
+                }
+                for check in speed
+            ],
         }
-        for check in steering
-    ]
-    speeds = [
-        {
-            "log": check.log.name,
-            **{name: _plain(getattr(check, name)) for name in ("achieved", "oscillation", "findings")},
-            "cruise_throttle_percent": dict(zip(("value", "low", "high"), check.cruise or (), strict=False)),
-        }
-        for check in speed
-    ]
-    return _finite(
-        {"format": "rover-sweep gains check", "format_version": 1, "steering": logs, "speed": speeds}
-    )
+        for when, (steering, speed) in (("before", before), ("now", now))
+    }
+    return _finite({"format": "rover-sweep gains check", "format_version": 1, **found})
+
+
+def _ends(found: tuple[float, float, float] | None) -> dict[str, float] | None:
+    return dict(zip(("value", "low", "high"), found, strict=True)) if found else None
 
 
 def _plain(value: Any) -> Any:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter, welch
 
 from rover_sweep.data.controller_log import PAUSE, ControllerLog
-from rover_sweep.data.recording import Array
+from rover_sweep.data.recording import Array, stretches
 from rover_sweep.gains.steering_chain import Autopilot, SampledPlant
 
 MOVING = 0.5  # m/s; a slower rover does not turn
@@ -105,8 +105,7 @@ def _overshoots(part: Even) -> Iterator[float]:
     target, wide = part.target, round(HELD / part.dt)
     tolerance = 0.02 * float(np.abs(target).max())
     still = np.abs(np.diff(target)) <= tolerance * part.dt / HELD
-    edges = np.flatnonzero(np.diff(np.concatenate(([False], still, [False])).astype(int)))
-    held = [(a, b) for a, b in edges.reshape(-1, 2) if b - a >= wide]
+    held = [(first, last + 1) for first, last in stretches(still) if last + 1 - first >= wide]
     for (_, before), (begin, end) in zip(held, held[1:], strict=False):
         size = target[begin] - target[before]
         if abs(size) > 10 * tolerance and (begin - before) * part.dt <= MOST_RAMP:
@@ -312,8 +311,7 @@ def limited(log: ControllerLog, autopilot: Autopilot) -> tuple[Limited, ...]:
     }
     dt, found = float(np.median(np.diff(log.t))), []
     for name, mask in masks.items():
-        edges = np.flatnonzero(np.diff(np.concatenate(([False], mask, [False])).astype(int)))
-        if edges.size:
-            ramp = float(np.median(np.diff(edges.reshape(-1, 2), axis=1))) * dt
+        if lengths := [last + 1 - first for first, last in stretches(mask)]:
+            ramp = float(np.median(lengths)) * dt
             found.append(Limited(name, float(mask.sum()) * dt, float(mask.mean()), ramp))
     return tuple(found)

@@ -6,8 +6,9 @@ import math
 from collections.abc import Mapping, Sequence
 
 from rover_sweep.gains.check import GainFault, SpeedCheck, SteeringCheck
+from rover_sweep.gains.gains_json import BothChecks
 from rover_sweep.gains.tracking import Oscillation, Tracking
-from rover_sweep.report.document import Cell, Document, Section, Sentence, Table, items, some
+from rover_sweep.report.document import Document, Section, Sentence, Table, items, some, table_of
 
 _LIMITS = {
     "ATC_STR_RAT_MAX": "at ATC_STR_RAT_MAX",
@@ -19,31 +20,34 @@ _GAINS = ("FF", "P", "I", "D")
 NONE = "-"
 
 
-def check_report(steering: Sequence[SteeringCheck], speed: Sequence[SpeedCheck]) -> Document:
-    """The checks of one log or of two, before and after."""
-    last = steering[-1]
-    on_speed = [f for check in speed[-1:] for f in check.findings]
-    skipped = [f"not checked: {words}" for words in last.skipped]
-    notes = [f"note: {last.autopilot.assumed_words}"] if "ATC_STR_RAT_FF" in last.autopilot.assumed else []
+def check_report(before: BothChecks, now: BothChecks) -> Document:
+    """The checks of steering and speed in the drive before, if there is one, and with the present gains."""
+    steering, speed = now
+    checks: list[SteeringCheck | SpeedCheck] = [*steering, *speed]
+    faults = [fault for check in checks for fault in check.findings]
+    said = [f"{f.name}{_way(check)}: {f.words}" for check in checks for f in check.findings]
+    skipped = [f"not checked{_way(check)}: {words}" for check in steering for words in check.skipped]
+    loop = steering[0].autopilot
+    notes = [f"note: {loop.assumed_words}"] if "ATC_STR_RAT_FF" in loop.assumed else []
     return Document(
         "Gains checked",
         "",
-        (
-            Sentence(_verdict([*last.findings, *on_speed], bool(skipped)), "strong"),
-            *items([f"{f.name}: {f.words}" for f in (*last.findings, *on_speed)]),
-            *items([*skipped, *notes]),
-        ),
+        (Sentence(_verdict(faults, bool(skipped)), "strong"), *items([*said, *skipped, *notes])),
         (
             Section(
                 "",
                 some(
-                    _table("Steering", _headings(steering), [_steering(check) for check in steering]),
-                    Sentence(_improved(steering)),
-                    _table("Speed", _headings(speed), [_speed(check) for check in speed]) if speed else None,
+                    _table("Steering", [(c, _steering(c)) for c in (*before[0], *steering)], len(before[0])),
+                    Sentence(_improved(before[0], steering)),
+                    _table("Speed", [(c, _speed(c)) for c in (*before[1], *speed)], len(before[1])),
                 ),
             ),
         ),
     )
+
+
+def _way(check: SteeringCheck | SpeedCheck) -> str:
+    return " in reverse" if check.log.reverse else ""
 
 
 def _verdict(findings: Sequence[GainFault], skipped: bool) -> str:
@@ -56,27 +60,24 @@ def _verdict(findings: Sequence[GainFault], skipped: bool) -> str:
     return "The gains could not be judged." if skipped else "Nothing to change."
 
 
-def _improved(steering: Sequence[SteeringCheck]) -> str:
-    """The error of the last log against that of the first; "" for one log."""
-    if len(steering) < 2:
+def _improved(before: Sequence[SteeringCheck], steering: Sequence[SteeringCheck]) -> str:
+    """The error after against that before; "" without a drive before."""
+    if not before:
         return ""
-    before, after = (c.achieved.rms / c.achieved.target_rms for c in (steering[0], steering[-1]))
-    word = f"{before / after:.1f} times smaller" if after <= before else f"{after / before:.1f} times larger"
+    old, new = (c.achieved.rms / c.achieved.target_rms for c in (before[0], steering[0]))
+    word = f"{old / new:.1f} times smaller" if new <= old else f"{new / old:.1f} times larger"
     return f"The error, as a share of the target, is {word} after than before."
 
 
-def _headings(checks: Sequence[SteeringCheck] | Sequence[SpeedCheck]) -> tuple[str, ...]:
-    names = [check.log.name for check in checks]
-    if len(names) == 2:
-        return f"before: {names[0]}", f"after: {names[1]}"
-    return tuple(names)
-
-
-def _table(title: str, headings: Sequence[str], columns: Sequence[Mapping[str, str]]) -> Table:
-    """Rows in which every column has nothing are left out."""
-    labels = [label for label in columns[0] if any(column[label] != NONE for column in columns)]
-    rows = tuple((Cell(label), *(Cell(column[label]) for column in columns)) for label in labels)
-    return Table(title, ("", *headings), rows)
+def _table(
+    title: str, columns: Sequence[tuple[SteeringCheck | SpeedCheck, Mapping[str, str]]], before: int
+) -> Table:
+    """A column for each check, the first `before` of the drive before; without rows that hold nothing."""
+    cells = [cells for _, cells in columns]
+    when = ["before: "] * before + ["after: " if before else ""] * (len(columns) - before)
+    headings = [f"{of}{check.log.name}{_way(check)}" for of, (check, _) in zip(when, columns, strict=True)]
+    labels = [label for label in (cells or [{}])[0] if any(c[label] != NONE for c in cells)]
+    return table_of(title, ("", *headings), ((label, *(c[label] for c in cells)) for label in labels))
 
 
 def _steering(check: SteeringCheck) -> dict[str, str]:

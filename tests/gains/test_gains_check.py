@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from acro_drive import FULL
+from acro_drive import FULL, segments
 
 from rover_sweep.cli.main import run
 from rover_sweep.data.controller_log import ControllerLog
@@ -19,9 +19,11 @@ from rover_sweep.gains.controller import simulate_loop
 from rover_sweep.gains.proposal import Proposal, family_of
 from rover_sweep.gains.steering_chain import DEFAULTS, Gains, autopilot
 from rover_sweep.logs.controllers import read_controllers
+from rover_sweep.report.gains_check_report import check_report
 
 DATA = Path(__file__).parents[1] / "data"
-CHANGED = DATA / "gains" / "ardurover-4.6.3" / "acro.BIN"
+RECORDED = DATA / "gains" / "ardurover-4.6.3"
+CHANGED = RECORDED / "acro.BIN"
 """A drive with the firmware's defaults, then with the proposal, in one log."""
 SPEED, NOISE = 2.5, 0.005  # m/s, rad/s
 SLOPE = 0.01  # rad at the wheels, slowly changing
@@ -132,10 +134,61 @@ def test_a_base_throttle_that_does_not_hold_the_speed_is_found():
     assert not check_speed(replace(log, parameters={**known, "CRUISE_THROTTLE": 50.0})).findings
 
 
+def test_five_drives_on_the_firmware_are_judged_right():
+    """Recorded on ArduRover 4.6.3 with a drawn rover: well tuned, and four faults."""
+    names, logs = segments(RECORDED / "check.json"), read_controllers(RECORDED / "check.BIN").steering
+    checks = {name: check_steering(log) for name, log in zip(names, logs, strict=True)}
+    assert {name: found(check) for name, check in checks.items()} == {
+        "tuned": [],
+        "half": [("FF too low", "ATC_STR_RAT_FF")],
+        "double": [("FF too high", "ATC_STR_RAT_FF")],
+        "swings": [("oscillates", "ATC_STR_RAT_P")],
+        "limit": [("limit hit", "ATC_STR_RAT_MAX")],
+    }
+    right = checks["tuned"].autopilot.gains
+    for name in ("half", "double"):
+        assert checks[name].findings[0].value == pytest.approx(right.ff, rel=0.1)
+    assert checks["swings"].findings[0].value < 0.6 * checks["swings"].autopilot.gains.p
+    assert checks["swings"].oscillation.hz == pytest.approx(5.2, abs=0.5)
+
+
+def test_telemetry_shows_the_same_as_the_log(capsys: pytest.CaptureFixture[str]):
+    """PID_TUNING of the firmware at 20 Hz, in deg/s."""
+    (log,) = read_controllers(RECORDED / "half.tlog").steering
+    by_log = read_controllers(RECORDED / "check.BIN").steering[1]
+    assert log.parameters["ATC_STR_RAT_FF"] == by_log.parameters["ATC_STR_RAT_FF"]
+    one, other = check_steering(log), check_steering(by_log)
+    assert found(one) == found(other) == [("FF too low", "ATC_STR_RAT_FF")]
+    assert one.feed_forward[0] == pytest.approx(other.feed_forward[0], rel=0.05)
+    assert one.speed == pytest.approx(other.speed, abs=0.1)
+    assert run(["gains", "--check", str(RECORDED / "half.tlog"), "--check", str(CHANGED)]) == 0
+    said = capsys.readouterr().out
+    assert "before: half" in said and "after: acro" in said and "CRUISE_THROTTLE needed" in said
+
+
+def test_both_directions_are_checked_apart(proposal: Proposal, tuned: Gains):
+    """A rover that follows forward and not in reverse (discuss.ardupilot.org/t/29463)."""
+    forward, reverse = driven(proposal, tuned), driven(proposal, replace(tuned, ff=tuned.ff / 2), -SPEED)
+    columns = ("target", "actual", "p", "i", "d", "ff", "speed")
+    later = reverse.t + forward.t[-1] + 5.0
+    both = replace(
+        forward,
+        t=np.concatenate((forward.t, later)),
+        **{name: np.concatenate((getattr(forward, name), getattr(reverse, name))) for name in columns},
+    )
+    ahead, back = both.stretches([])
+    assert not ahead.reverse and back.reverse
+    checks = [check_steering(log) for log in (ahead, replace(back, parameters=reverse.parameters))]
+    assert [found(check) for check in checks] == [[], [("FF too low", "ATC_STR_RAT_FF")]]
+    said = "\n".join(part.text for part in check_report(((), ()), (checks, ())).answer)
+    assert "FF too low in reverse:" in said
+
+
 def test_a_log_with_changed_gains_is_before_and_after(capsys: pytest.CaptureFixture[str]):
     """Recorded on ArduRover 4.6.3: the defaults, then the proposal."""
     assert run(["gains", "--check", str(CHANGED), "--json"]) == 0
-    before, after = json.loads(capsys.readouterr().out)["steering"]
+    told = json.loads(capsys.readouterr().out)
+    (before,), (after,) = (told[when]["steering"] for when in ("before", "now"))
     assert [f["name"] for f in before["findings"]] == ["FF too low"] and not after["findings"]
     assert before["gains"]["ATC_STR_RAT_FF"] == pytest.approx(0.2)
     assert after["feed_forward"]["low"] < 1.05 < after["feed_forward"]["high"]

@@ -131,9 +131,9 @@ def _check(
     found = read_identified(Path(place), model, vehicle) if place else None
     checked = check_gains([Path(log) for log in logs], found)
     if as_json:
-        echo_json(json.dumps(check_document(checked.steering, checked.speed), indent=2))
+        echo_json(json.dumps(check_document(checked.before, (checked.steering, checked.speed)), indent=2))
     else:
-        results().print(on_terminal(check_report(checked.steering, checked.speed)))
+        results().print(on_terminal(check_report(checked.before, (checked.steering, checked.speed))))
 
 
 def _parameters_over(url: str, access: Access) -> dict[str, float]:
