@@ -24,7 +24,7 @@ from rover_sweep.cli.options import (
     vehicle_path,
 )
 from rover_sweep.cli.vehicle_link import ACCESS, MAYBE_CONNECT
-from rover_sweep.cli.views.output import echo_json
+from rover_sweep.cli.views.output import echo_json, next_step
 from rover_sweep.errors import UsageError
 
 if TYPE_CHECKING:
@@ -219,3 +219,15 @@ def plan(
         return
     console = results()
     console.print(on_terminal(plan_report(found)), width=min(console.width, WIDTH))
+    to_drive = [_option(run) for run in found.proposal or found.runs if run.kind in _DRIVEN]
+    if to_drive:
+        next_step(f"rover-sweep run --connect URL --vehicle rover.toml {' '.join(to_drive)}, at these speeds")
+
+
+_DRIVEN = ("sweep", "doublet", "bias_sweep", "multisine")
+
+
+def _option(run: PlannedRun) -> str:
+    """The option of `run` for a planned run."""
+    values = f"{run.amplitude_us:g}" + (f",{run.bias_us:g}" if run.bias_us else "")
+    return " ".join([f"--{run.kind.replace('_', '-')} {values}"] * run.repeat)

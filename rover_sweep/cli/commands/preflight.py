@@ -12,7 +12,7 @@ import click
 from rover_sweep.cli.options import FOLDER, POSITIVE, option, options
 from rover_sweep.cli.vehicle_link import JSON_ALONE, LINK, LinkOptions
 from rover_sweep.cli.views.asking import confirmed, refuse_unasked
-from rover_sweep.cli.views.output import echo_json, narration, results
+from rover_sweep.cli.views.output import echo_json, narration, next_step, results
 from rover_sweep.errors import UsageError
 
 if TYPE_CHECKING:
@@ -67,7 +67,24 @@ def preflight(
         echo_json(json.dumps({"checks": [asdict(check) for check in checks]}, indent=2))
     else:
         _show(checks)
-    return 1 if any(check.state == "bad" for check in checks) else 0
+        _go_on(checks, rover.connect)
+    return 1 if _count_bad(checks) else 0
+
+
+def _count_bad(checks: Sequence[Check]) -> int:
+    return sum(check.state == "bad" for check in checks)
+
+
+def _go_on(checks: Sequence[Check], url: str) -> None:
+    """Name the first bad check that can be fixed by this command, or the run."""
+    bad = [check for check in checks if check.state == "bad"]
+    fixed = [check.name for check in bad if check.remedy is not None and not check.remedy.by_hand]
+    if fixed:
+        next_step(f"rover-sweep preflight --connect {url} --fix {fixed[0]}")
+    elif bad:
+        next_step("mend what is marked bad", f"rover-sweep preflight --connect {url}")
+    else:
+        next_step(f"rover-sweep run --connect {url} --vehicle rover.toml --out today")
 
 
 def _show(checks: Sequence[Check]) -> None:
@@ -86,6 +103,6 @@ def _show(checks: Sequence[Check]) -> None:
             if check.remedy is not None:
                 key = "by hand" if check.remedy.by_hand else f"--fix {check.name}"
                 console.print(Text(f"  {key}: {check.remedy.words}", "cyan"), soft_wrap=True)
-    bad = sum(check.state == "bad" for check in checks)
+    bad = _count_bad(checks)
     words = f"{bad} of {len(checks)} checks must be fixed" if bad else "ready for a run"
     console.print(words, style="red" if bad else "green")

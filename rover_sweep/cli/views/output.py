@@ -26,6 +26,11 @@ def echo(text: str = "", err: bool = False, nl: bool = True) -> None:
     click.echo(printable_lines(text), err=err, nl=nl)
 
 
+def next_step(*steps: str) -> None:
+    """Print on stderr how the user goes on: commands, or what to do by hand."""
+    echo(f"next: {'; '.join(steps)}", err=True)
+
+
 def echo_json(text: str) -> None:
     """Print JSON on stdout, with control characters that a terminal would obey escaped."""
     click.echo(within_json(text).removesuffix("\n"))
