@@ -97,7 +97,8 @@ def _finite(value: Any) -> Any:
     return value
 
 
-# The proposal as a parameter file with a reason on every line, like `firmware_params/*.param`.
+# The proposal as a parameter file with a reason on every line. "NAME,value  # reason" is the form of a step
+# of ArduPilot MethodicConfigurator; ground stations read it too.
 
 
 def param_text(proposal: Proposal) -> str:
@@ -118,7 +119,7 @@ def _lines(
     for name, why in ((name, reasons[name]) for name in new if name in reasons):
         same = f"{now[name]:.6g}" == f"{new[name]:.6g}"
         was = f"default {now[name]:g}" if name in assumed else "unchanged" if same else f"was {now[name]:.6g}"
-        out.append(f"{name} {new[name]:.6g}  # {why} ({was})")
+        out.append(f"{name},{new[name]:.6g}  # {why} ({was})")
     return out
 
 
@@ -276,7 +277,7 @@ def limits_text(limits: SteeringLimits, now: dict[str, float]) -> str:
     off = {"ATC_TURN_MAX_G"} if limits.lowers else set[str]()
     was = {name: f" (was {value:g})" for name, value in now.items()}
     return "".join(
-        f"{'# ' if name in off else ''}{name} {value:.6g}  # {why}{was.get(name, '')}\n"
+        f"{'# ' if name in off else ''}{name},{value:.6g}  # {why}{was.get(name, '')}\n"
         for name, (value, why) in reasons.items()
         if value is not None
     )

@@ -43,7 +43,7 @@ def test_a_folder_and_a_log_give_a_table_and_a_file(folder: Path, capsys: pytest
     gains = {f"ATC_STR_RAT_{k}" for k in ("FF", "P", "I", "D", "IMAX")}
     assert set(written) == gains | {"ATC_STR_RAT_MAX"}
     assert 60 < written["ATC_STR_RAT_MAX"].value < 200
-    assert "# ATC_TURN_MAX_G 0.3" in out.read_text(), "240 us confirm half of the 0.6 g that are set"
+    assert "# ATC_TURN_MAX_G,0.3" in out.read_text(), "240 us confirm half of the 0.6 g that are set"
     assert "(was 0.75)" in written["ATC_STR_RAT_FF"].reason  # the recordings flew sim_vehicle's 0.75
 
 

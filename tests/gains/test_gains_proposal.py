@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from typing import Any
 
@@ -100,6 +101,14 @@ def test_the_parameter_file_reads_back_with_a_reason_on_every_line(proposal: Pro
     }
     assert all(p.reason for p in lines)
     assert "2.50 m/s" in param_text(proposal)
+
+
+def test_the_parameter_file_is_a_step_of_methodic_configurator(proposal: Proposal):
+    """Its reader skips lines that begin with #, splits at the first # and then at the first comma."""
+    steps = [line for line in param_text(proposal).splitlines() if line and not line.startswith("#")]
+    for step in steps:
+        assert re.fullmatch(r"[A-Z][A-Z0-9_]{1,15},-?[\d.]+(e-?\d+)?  # \S.*", step), step
+    assert len(steps) == 5
 
 
 def test_the_document_has_both_and_is_strict_json(proposal: Proposal):
