@@ -1,7 +1,7 @@
 """Show the notebooks as pages of the site: a hook of MkDocs, which builds the pages.
 
-Code and text are shown without outputs; a notebook runs in a checkout. With RUN_NOTEBOOKS=1 the hook runs the
-cells and shows their outputs, which takes about a minute.
+The hook runs the cells and shows their outputs, which takes half a minute to a minute. With RUN_NOTEBOOKS=0
+it shows code and text alone.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from typing import Any
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
 
-RUN = os.environ.get("RUN_NOTEBOOKS") == "1"
+RUN = os.environ.get("RUN_NOTEBOOKS") != "0"
 
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import matplotlib
 import pytest
-from printed_pages import PAGES, ROOT, printed
+from printed_pages import PAGES, ROOT, answers, missing, printed
 
 VEHICLE = "needs a vehicle at URL"
 NETWORK = "installs from the network; continuous integration runs the line of README"
@@ -97,8 +97,11 @@ def tree(folder: Path) -> dict[str, tuple[int, int]]:
     return {str(path): (s.st_size, s.st_mtime_ns) if path.is_file() else (0, 0) for path, s in found.items()}
 
 
-def follow(commands: list[str], checkout: Path, home: Path) -> None:
-    """Run commands in one shell that begins in the checkout. Fails at the first exit code that is not 0."""
+def follow(commands: list[str], checkout: Path, home: Path) -> str:
+    """Run commands in one shell that begins in the checkout; returns what they print.
+
+    Fails at the first exit code that is not 0.
+    """
     before = tree(checkout)
     script = "\n".join(["set -ex", *folder_of_the_tutorial(), f"cd {checkout}", *commands])
     environment = os.environ | {
@@ -118,6 +121,7 @@ def follow(commands: list[str], checkout: Path, home: Path) -> None:
     )
     assert done.returncode == 0, done.stdout[-4000:]
     assert tree(checkout) == before, "a command changes the checkout"
+    return done.stdout
 
 
 def test_every_command_is_run_or_listed_with_a_reason() -> None:
@@ -141,14 +145,26 @@ def test_the_python_of_readme_is_that_of_its_page() -> None:
 
 @pytest.mark.parametrize("page", QUICK, ids=lambda page: page.stem)
 def test_quick_commands_run_as_printed(page: Path, checkout: Path, tmp_path: Path) -> None:
-    follow(quick(page), checkout, tmp_path)
+    said = follow(quick(page), checkout, tmp_path)
+    for commands, shown in answers(page):
+        if not any(beginning(line, LONG) for line in commands.splitlines()):
+            assert missing(shown, said) == []
     if page.stem == "tutorial":  # docs/draw_pictures.py copies them from this report
         drawn = {path.name for path in (tmp_path / "rover-day/report/pictures").iterdir()}
-        assert {path.name for path in (ROOT / "docs/pictures").glob("*.svg")} - {"proof.svg"} <= drawn
+        copied = re.findall(r"pictures/([\w-]+\.svg)", page.read_text())
+        assert copied and set(copied) <= drawn
 
 
 @pytest.mark.slow
 def test_all_commands_run_in_the_order_of_the_site(checkout: Path, tmp_path: Path) -> None:
     """In one home: a page may use the results of an earlier one."""
     for page in PAGES:
-        follow(runnable(page), checkout, tmp_path)
+        said = follow(runnable(page), checkout, tmp_path)
+        assert not [line for _, shown in answers(page) for line in missing(shown, said)]
+
+
+def test_a_line_that_is_not_printed_is_noticed() -> None:
+    printed_lines = "Cf    front axle    32.5   N/rad   28.9 to 36.9"
+    assert missing("Cf front axle 32.4 N/rad 28.9 to 36.0", printed_lines) == []
+    for line in ("Cf front axle 36.4 N/rad 28.9 to 36.9", "Cf rear axle 32.5 N/rad 28.9 to 36.9"):
+        assert missing(line, printed_lines) == [line]
