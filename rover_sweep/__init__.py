@@ -17,10 +17,10 @@ Runs, responses, models, diagnoses and simulations print as tables. `.plot()` dr
 `.to_frame()` gives a pandas.DataFrame (`pip install -e '.[pandas]'` in the checkout). All values are in SI
 units and ISO axes (x forward, y left, z up); frequencies are in rad/s.
 
-`read`, `identify`, `bode`, `load_result`, `identify_speed`, `diagnose`, `load_diagnosis`, `compare`,
-`simulate`, `to_control`, `to_scipy` and `harmonics` are documented at their definitions: in
-`rover_sweep.api`, `rover_sweep.identification.conversion` and `rover_sweep.spectra.harmonics`. Modules are
-imported at first use.
+`read`, `identify`, `bode`, `load_result`, `identify_speed`, `identify_driving`, `diagnose`,
+`load_diagnosis`, `compare`, `simulate`, `to_control`, `to_scipy` and `harmonics` are documented at their
+definitions: in `rover_sweep.api`, `rover_sweep.identification.conversion` and
+`rover_sweep.spectra.harmonics`. Modules are imported at first use.
 """
 
 from __future__ import annotations
@@ -35,6 +35,8 @@ if TYPE_CHECKING:
     from rover_sweep.api.diagnose import compare as compare
     from rover_sweep.api.diagnose import diagnose as diagnose
     from rover_sweep.api.diagnose import load_diagnosis as load_diagnosis
+    from rover_sweep.api.driving import DrivingIdentification as DrivingIdentification
+    from rover_sweep.api.driving import identify_driving as identify_driving
     from rover_sweep.api.identify import Result as Result
     from rover_sweep.api.identify import bode as bode
     from rover_sweep.api.identify import identify as identify
@@ -58,6 +60,7 @@ _HOMES = {
     "api.read": ("Runs", "read"),
     "api.identify": ("Result", "bode", "identify", "load_result"),
     "api.diagnose": ("FullDiagnosis", "compare", "diagnose", "load_diagnosis"),
+    "api.driving": ("DrivingIdentification", "identify_driving"),
     "api.simulate": ("Simulation", "simulate"),
     "api.speed": ("SpeedIdentification", "identify_speed"),
     "identification.conversion": ("to_control", "to_scipy"),

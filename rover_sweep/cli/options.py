@@ -258,20 +258,25 @@ def _reading(
 READING = gathered(_reading)
 
 
-def vehicle_path(given: str | None, runs: Sequence[str] = ()) -> str:
-    """The vehicle file: as given, else that of a session among the runs, else rover.toml here."""
+def found_vehicle(given: str | None, runs: Sequence[str] = ()) -> str | None:
+    """The vehicle file: as given, else that of a session among the runs, else rover.toml here, else None.
+
+    UsageError where a run does not exist.
+    """
+    from rover_sweep.api.read import refuse_missing
     from rover_sweep.session.folder import VEHICLE_FILE, kept_vehicle_file
 
-    if given:
-        return given
-    if kept := kept_vehicle_file(runs):
-        return str(kept)
-    if Path(VEHICLE_FILE).is_file():
-        return VEHICLE_FILE
-    if runs:
-        from rover_sweep.api.read import refuse_missing
-
+    kept = given or kept_vehicle_file(runs)
+    if not kept and not Path(VEHICLE_FILE).is_file():
         refuse_missing(runs)
+        return None
+    return str(kept or VEHICLE_FILE)
+
+
+def vehicle_path(given: str | None, runs: Sequence[str] = ()) -> str:
+    """The vehicle file as `found_vehicle` finds it; UsageError without one."""
+    if found := found_vehicle(given, runs):
+        return found
     raise UsageError(
         "no vehicle file: give --vehicle rover.toml; create one with "
         "`rover-sweep vehicle --example > rover.toml`"

@@ -25,7 +25,7 @@ DATA = Path(__file__).parents[1] / "data"
 NOMINAL = DATA / "ardurover-4.6.3" / "nominal"
 FOUND_BY_USERS = (Recording, ModelResult, Verification, FrequencyResponse, CoherenceTable, ByName)
 OPTIONS = doctest.ELLIPSIS
-LONG = ("rover_sweep", "diagnose", "identify_speed")  # they make runs, result, worn, found, speed
+LONG = ("rover_sweep", "diagnose", "identify_speed", "identify_driving")  # they make what others use
 WITHOUT = {  # public functions and methods without an example, each with the reason
     "compare": "needs the recordings of a simulator",
     "Harmonics": "see `harmonics`",

@@ -22,11 +22,11 @@ from rover_sweep.cli.options import (
     Grouped,
     argument,
     check_report_folder,
+    found_vehicle,
     names_type,
     numbers_type,
     option,
     options,
-    vehicle_path,
 )
 from rover_sweep.errors import DataRefused, UsageError
 
@@ -35,13 +35,13 @@ if TYPE_CHECKING:
     from rover_sweep.identification.identify_speed import SpeedResult
 
 MODELS = ("bicycle", "roll-yaw", "lumped")
-REPLACED = ("report.html", "speed.html", "pictures/*", "models/*")  # by a new report
+REPLACED = ("report.html", "speed.html", "driving.html", "pictures/*", "models/*")  # by a new report
 
 
 @click.command(
     cls=Grouped,
     groups={
-        "Runs": "vehicle_file verify columns",
+        "Runs": "vehicle_file wheelbase verify columns",
         "Results": "out full as_json units",
         "Models": "models fit structure untied no_reduction keep bootstrap",
         "Frequencies": "band wmin wmax windows condition_on",
@@ -87,6 +87,11 @@ def identify(
         "N",
         default=200,
     ),
+    wheelbase: float | None = option(
+        "Wheelbase, where there is no vehicle file: gives K_us in deg/g and the steering ratio.",
+        POSITIVE,
+        "M",
+    ),
     units: str = option(
         "Accelerations in m/s^2 or, as in the paper, in ft/s^2; files for programs stay in SI.",
         click.Choice(["SI", "paper"], case_sensitive=False),
@@ -103,9 +108,13 @@ def identify(
     session's folder. Several runs are fitted together. Doublets among them are used to verify the models,
     unless --verify names other runs. Throttle sweeps are recognised, and identified into
     DIR/speed.html and DIR/speed.json.
+
+    Without a vehicle file, or without a sweep, RUN may be any driving, such as a mission: the answer is then
+    how far, how late and how straight the rover steers, in DIR/driving.html and DIR/driving.json.
     """
     from rover_sweep.api.identify import parameter_names
     from rover_sweep.api.read import fitted_and_verified, load_steered, load_structures
+    from rover_sweep.cli.driving.any_driving import driving_of, show_driving, show_instead
     from rover_sweep.cli.driving.shown_results import add_steering, show_identified
     from rover_sweep.data.vehicle_file import load as load_vehicle
     from rover_sweep.identification.grouping import Settings
@@ -113,13 +122,27 @@ def identify(
     if (wmin is None) != (wmax is None) or (wmin is not None and wmax is not None and wmin >= wmax):
         raise UsageError(f"give both --wmin and --wmax with wmin < wmax, got {wmin} and {wmax} rad/s")
     own = load_structures(structure)
-    check_report_folder(Path(out), ("identification.json", "speed.json"), REPLACED)
+    check_report_folder(Path(out), ("identification.json", "speed.json", "driving.json"), REPLACED)
     speed, runs = _of_throttle(runs, Path(out), as_json)
     if not runs:
         return
-    path = Path(vehicle_path(vehicle_file, runs))
+    found = found_vehicle(vehicle_file, runs)
+    if found is None:
+        why = "No vehicle file: these are the numbers that need none. Models need one (--vehicle)."
+        show_driving(driving_of(runs, reading, wheelbase), Path(out), as_json, why)
+        return
+    path = Path(found)
     vehicle = load_vehicle(path)
-    given = load_steered(runs, vehicle, reading, verify)
+    try:
+        given = load_steered(runs, vehicle, reading, verify)
+    except DataRefused as refused:
+        if not show_instead(runs, reading, vehicle.wheelbase, Path(out), as_json, str(refused)):
+            raise
+        return
+    if all(run.kind == "other" and "pwm" in run and run.firmware for run in given) and show_instead(
+        runs, reading, vehicle.wheelbase, Path(out), as_json, "there is no sweep in this driving"
+    ):
+        return
     verified = load_steered(verify, vehicle, reading, runs) if verify else ()
     sweeps, checks = fitted_and_verified(given, verified)
     settings = Settings(

@@ -1,0 +1,52 @@
+"""Prints and writes what any driving shows of the steering, where there are no sweeps or no vehicle file."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from rover_sweep.api.driving import DrivingIdentification
+    from rover_sweep.api.read import Reading
+
+
+def driving_of(runs: Sequence[str], reading: Reading, wheelbase: float | None) -> DrivingIdentification:
+    """What the runs show as any driving; DataRefused where they lack what is needed."""
+    from rover_sweep.api.driving import identify_driving
+    from rover_sweep.cli.views.asking import long_work
+
+    with long_work("reading the driving"):
+        return identify_driving(*runs, columns=reading.columns, wheelbase=wheelbase, system=reading.system)
+
+
+def show_instead(
+    runs: Sequence[str], reading: Reading, wheelbase: float, out: Path, as_json: bool, why: str
+) -> bool:
+    """Show what the driving says where it says anything; False without. why: no models can be identified."""
+    answer = driving_of(runs, reading, wheelbase)
+    if answer.level != "none":
+        show_driving(answer, out, as_json, f"No models: {why}. This is what the driving shows.")
+    return answer.level != "none"
+
+
+def show_driving(answer: DrivingIdentification, out: Path, as_json: bool, why: str) -> None:
+    """Print the answer, write driving.html and driving.json into `out`. why: no models are identified."""
+    from rover_sweep.cli.views.output import echo_json, narration, results
+    from rover_sweep.report.driving import driving_report
+    from rover_sweep.report.on_terminal import on_terminal
+
+    narration().print(why, style="yellow", soft_wrap=True)
+    shown = results(as_json)
+    shown.print(on_terminal(driving_report(answer, ", ".join(answer.sources)), answer_last=True))
+    files = answer.report(out)
+    shown.print(f"report: {files.page}", soft_wrap=True)
+    shown.print(f"next: rover-sweep {NEXT[answer.level == 'none']}", soft_wrap=True)
+    if as_json:
+        echo_json(files.document.read_text(encoding="utf-8"))
+
+
+NEXT = (
+    "design (the sweeps that show tyres and inertia), or vehicle --example > rover.toml (with the mass)",
+    "logs --help (which messages a log needs), or design (the sweeps to drive)",
+)

@@ -1,0 +1,262 @@
+"""What any driving says of a rover: how far, how late and how straight it steers, and what stays unknown."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import pi, sqrt
+from typing import Literal
+
+import numpy as np
+
+from rover_sweep.data.geometry import GRAVITY
+from rover_sweep.data.recording import Array, Signal
+from rover_sweep.data.results import ByName, Quantity, ShortTable, Shown, ends_words, number, plain_number
+from rover_sweep.driving.fit import OF_SPEED, DrivingFit, fit_driving, precision_with
+from rover_sweep.driving.stretches import FASTEST_TURN, RATE, DrivenPart, Driving, usable_driving
+from rover_sweep.logs.log import Log
+
+Level = Literal["good", "rough", "none"]
+
+GOOD, ROUGH = 0.9, 0.7  # shares of the yaw rate that the law must give in driving it was not fitted to
+LEAST_SECONDS = 8.0  # of usable driving
+SPEEDS_APART = 1.3  # ratio of the speeds in turns, from which they show what depends on speed
+HARD_TURN = 3.0  # m/s^2, at which the bend of the tyres is told
+KNOWN = 0.5  # of a value; a wider half interval makes it unknown
+SWEEP_US, SWEEP_SPEED, SWEEP_S = 120.0, 2.0, 60.0
+SWEPT_HZ = 0.1, 3.0
+DEG_PER_G = GRAVITY * 180 / pi
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class DrivingAnswer(Shown):
+    """The numbers that this driving shows, each with its 90 % interval.
+
+    level: "good", "rough", or "none" where nothing is believed; reasons: why it is not good. numbers: see
+    `rs.identify_driving`. unknown: what the driving cannot show, and why. driving: what was used; fit: None
+    where nothing could be fitted. speeds: (5 %, 50 %, 95 %) of the speed in turns, m/s. amplitude: 95 % of
+    the time, the steering is within +- it of straight ahead. band: (lowest, highest) Hz that hold 90 % of the
+    steering's power. after_sweep: (number, half width of its interval) if a sweep were added.
+    """
+
+    level: Level
+    numbers: ByName[Quantity]
+    reasons: tuple[str, ...]
+    unknown: tuple[str, ...]
+    driving: Driving
+    fit: DrivingFit | None = None
+    speeds: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    amplitude: float = 0.0
+    band: tuple[float, float] = (0.0, 0.0)
+    after_sweep: tuple[tuple[str, float], ...] = ()
+
+    def table(self) -> ShortTable:
+        """The numbers with their intervals, and what stays unknown."""
+        rows = tuple(
+            (q.name, plain_number(q.value), q.unit, ends_words(q.low, q.high), q.meaning)
+            for q in self.numbers
+        )
+        title = f"steering from {self.driving.seconds:.0f} s of driving: {self.level}"
+        headings = ("number", "value", "unit", "90 % interval", "meaning")
+        return ShortTable(title, headings, rows, (*self.reasons, *self.unknown))
+
+
+def answer_from(logs: Sequence[Log], wheelbase: float | None = None) -> DrivingAnswer:
+    """What these logs of one rover show. wheelbase [m] turns some numbers into physical ones."""
+    driving = usable_driving(logs)
+    used = driving.stretches
+    if driving.seconds < LEAST_SECONDS:
+        return _nothing(
+            driving, f"only {driving.seconds:.0f} s of driving can be used, {LEAST_SECONDS:.0f} s are needed"
+        )
+    steering = np.concatenate([s.steered(0.0) for s in used])
+    if np.ptp(steering) < 1e-9:
+        return _nothing(driving, f"the steering stayed at {number(float(steering[0]))} {driving.unit}")
+    v = np.concatenate([s.v for s in used])
+    turning = np.square(steering - np.median(steering))
+    speeds = _weighted(np.abs(v), turning)
+    held = () if speeds[2] > SPEEDS_APART * speeds[0] else OF_SPEED
+    fit = fit_driving(used, driving.bias, held)
+    level, reasons = _judged(fit)
+    if level == "none":
+        return _nothing(driving, *reasons, fit=fit)
+    numbers, unknown = _numbers(fit, driving, speeds, wheelbase)
+    amplitude = float(np.percentile(np.abs(steering - fit["straight"]), 95))
+    better = _after_sweep(fit, driving, speeds, wheelbase) if driving.unit == "us" else ()
+    return DrivingAnswer(
+        level, numbers, reasons, unknown, driving, fit, speeds, amplitude, _band(used), better
+    )
+
+
+def _nothing(driving: Driving, *reasons: str, fit: DrivingFit | None = None) -> DrivingAnswer:
+    """No numbers, with what was left out of the driving."""
+    out = [f"{seconds:.0f} s left out: {why}" for why, seconds in driving.left_out.items() if seconds >= 1]
+    return DrivingAnswer("none", ByName(()), (*reasons, *out), (), driving, fit)
+
+
+def _judged(fit: DrivingFit) -> tuple[Level, tuple[str, ...]]:
+    """The level, and why it is not good."""
+    low, high = fit.interval({"gain": 1.0}, fit["gain"])
+    if low <= 0 <= high or (high - low) / 2 > KNOWN * abs(fit["gain"]):
+        return "none", ("the yaw rate does not follow the steering in this driving",)
+    share = f"the steering explains {100 * max(fit.explained, 0.0):.0f} % of the yaw rate"
+    if not fit.explained >= ROUGH:
+        return "none", (
+            f"{share} in parts of the drive that were not fitted; {100 * ROUGH:.0f} % are needed",
+        )
+    if fit.explained < GOOD:
+        return "rough", (
+            f"{share} only: the rover turned for other reasons too, or its steering is not linear",
+        )
+    return "good", ()
+
+
+def _numbers(
+    fit: DrivingFit, driving: Driving, speeds: tuple[float, float, float], wheelbase: float | None
+) -> tuple[ByName[Quantity], tuple[str, ...]]:
+    """The quantities that are shown, and sentences on those that are not."""
+    out, unknown = [], []
+    gain, v = fit["gain"], speeds[1]
+
+    def add(
+        name: str, unit: str, value: float, slopes: dict[str, float], meaning: str, least: float = -np.inf
+    ) -> None:
+        low, high = fit.interval(slopes, value)
+        out.append(Quantity(name, unit, value, max(low, least), max(high, least), meaning))
+
+    in_us = driving.unit == "us"
+    if in_us:
+        turns = "left" if gain > 0 else "right"
+        words = f"curvature of the path for each 100 us; a larger output turns {turns}"
+        add("curvature", "1/m per 100 us", 100 * abs(gain), {"gain": 100.0}, words)
+        add(
+            "straight", "us", fit["straight"], {"straight": 1.0}, "steering output that drives straight ahead"
+        )
+    else:
+        add(
+            "wheelbase_seen",
+            "m",
+            1 / abs(gain),
+            {"gain": 1 / gain**2},
+            "speed times steering angle over yaw rate; the wheelbase where the angle is right",
+        )
+        add(
+            "straight", "rad", fit["straight"], {"straight": 1.0}, "steering angle that drives straight ahead"
+        )
+    if wheelbase:
+        name, unit = ("rad_per_us", "rad/us") if in_us else ("steering_scale", "-")
+        words = "road-wheel angle for each us" if in_us else "true over recorded steering angle"
+        add(name, unit, abs(gain) * wheelbase, {"gain": wheelbase}, words)
+    if in_us and driving.limits:
+        reach = max(abs(end - fit["straight"]) for end in driving.limits)
+        add(
+            "least_radius",
+            "m",
+            1 / (abs(gain) * reach),
+            {"gain": 1 / (gain**2 * reach)},
+            "radius of the tightest turn that the servo's ends allow",
+        )
+    lag = {"lag": 1.0, "tyre_lag": v}
+    add("delay", "s", fit["delay"], {"delay": 1.0}, "pure delay from the output to the turn", 0.0)
+    add(
+        "lag",
+        "s",
+        fit["lag"] + v * fit["tyre_lag"],
+        lag,
+        f"time constant with which the turn follows at {v:.1f} m/s",
+        0.0,
+    )
+    add(
+        "response_time",
+        "s",
+        fit["delay"] + out[-1].value,
+        {"delay": 1.0, **lag},
+        "delay and lag together",
+        0.0,
+    )
+    if "understeer" in fit.held:
+        unknown.append(
+            f"Under- or oversteer: all turns were driven at {speeds[0]:.1f} to {speeds[2]:.1f} m/s. Drive "
+            f"turns at two speeds, such as {speeds[1] / 1.5:.1f} and {speeds[1] * 1.5:.1f} m/s"
+        )
+    else:
+        low, high = fit.interval({"understeer": 1.0}, fit["understeer"])
+        if wheelbase:
+            per = wheelbase * DEG_PER_G
+            add(
+                "understeer_gradient",
+                "deg/g",
+                per * fit["understeer"],
+                {"understeer": per},
+                "K_us, above 0: understeer",
+            )
+        else:
+            add(
+                "understeer",
+                "s^2/m^2",
+                fit["understeer"],
+                {"understeer": 1.0},
+                "K_us over the wheelbase, above 0: understeer",
+            )
+        if low > 0 or high < 0:
+            k = fit["understeer"]
+            name = "characteristic_speed" if k > 0 else "critical_speed"
+            words = "highest yaw rate for the steering" if k > 0 else "unstable beyond"
+            add(name, "m/s", 1 / sqrt(abs(k)), {"understeer": 0.5 * abs(k) ** -1.5}, words, 0.0)
+    bend = fit["bend"] * HARD_TURN**2
+    low, high = fit.interval({"bend": 100 * HARD_TURN**2}, 100 * bend)
+    if high < 50:
+        out.append(
+            Quantity(
+                "bend",
+                "%",
+                100 * bend,
+                max(low, 0.0),
+                max(high, 0.0),
+                f"how much less the rover turns for its steering at {HARD_TURN:g} m/s^2 than in gentle turns",
+            )
+        )
+    unknown.append("Tyre stiffnesses and yaw inertia, which need sweeps and a vehicle file with the mass")
+    return ByName(out), tuple(unknown)
+
+
+def _weighted(x: Array, weights: Array) -> tuple[float, float, float]:
+    """5, 50 and 95 % points of x (n,) with these weights (n,)."""
+    order = np.argsort(x)
+    share = np.cumsum(weights[order])
+    at = np.searchsorted(share, np.array([0.05, 0.5, 0.95]) * share[-1])
+    low, middle, high = x[order[np.minimum(at, x.size - 1)]].tolist()
+    return low, middle, high
+
+
+def _band(used: Sequence[DrivenPart]) -> tuple[float, float]:
+    """(5 %, 95 %) points [Hz] of the power of the steering's changes."""
+    power: Array = np.zeros(256)
+    hz: Array = np.fft.rfftfreq(510, 1 / RATE).astype(np.float64)
+    for s in used:
+        x = s.steered(0.0)
+        for first in range(0, x.size - 510, 255):
+            part = x[first : first + 510]
+            power += np.square(np.abs(np.fft.rfft((part - part.mean()) * np.hanning(510))))
+    if not power.any():
+        return 0.0, 0.0
+    low, _, high = _weighted(hz, power)
+    return low, high
+
+
+def _after_sweep(
+    fit: DrivingFit, driving: Driving, speeds: tuple[float, float, float], wheelbase: float | None
+) -> tuple[tuple[str, float], ...]:
+    """{number: half width} of the intervals if a sweep of 120 us at 2 m/s were added to the driving."""
+    t = np.arange(0.0, SWEEP_S, 1 / RATE)
+    first, last = SWEPT_HZ
+    growth = np.log(last / first)
+    phase = 2 * pi * first * SWEEP_S / growth * (np.exp(growth * t / SWEEP_S) - 1)
+    speed = min(SWEEP_SPEED, sqrt(FASTEST_TURN / abs(fit["gain"] * SWEEP_US)))
+    steering = Signal(t, fit["straight"] + SWEEP_US * np.sin(phase), "us")
+    of_sweep = DrivenPart(
+        "sweep", t, np.full(t.size, speed), np.zeros(t.size), steering, driving.stretches[0].low_pass
+    )
+    better = precision_with(fit, driving.stretches, driving.bias, of_sweep)
+    numbers, _ = _numbers(better, driving, speeds, wheelbase)
+    return tuple((q.name, (q.high - q.low) / 2) for q in numbers if q.low is not None and q.high is not None)

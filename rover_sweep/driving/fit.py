@@ -1,0 +1,294 @@
+"""The yaw rate that any driving gives for its steering, fitted to the recorded one.
+
+    r(t) = b + F{ V g (u(t - tau) - u0) / (1 + k V^2 + q a^2) },   a = V^2 g (u(t - tau) - u0)
+
+u is the recorded steering output, V the speed, g the curvature that a unit of steering gives at low speed
+(1/m per us, or 1/m per rad = 1/L), u0 the output that drives straight, b the bias of the gyro. k = K_us/L is
+the understeer: 1/sqrt(k) is the characteristic speed, for k < 0 1/sqrt(-k) the critical one (Milliken, Race
+Car Vehicle Dynamics, ch. 5). q is how much less the rover turns where it turns hard, as tyres bend. F is two
+lags in series and the known low-pass of the gyro: T of the steering, and c V of the tyres; for a rover that
+is neutral and has Izz = m a b, the bicycle model's yaw rate follows the steering exactly so, with
+c = m/(Cf + Cr). No mass, length or steering ratio is needed.
+
+Road and wind make an error that is not white: it is whitened by an autoregression of the residual (Ljung,
+System Identification, 7.3), and the covariance counts blocks of `BLOCK` seconds as the independent pieces
+(Liang and Zeger 1986), so that what repeats within a turn does not count as new.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numba import njit
+from scipy.optimize import least_squares
+from scipy.signal import butter, lfilter, lfilter_zi
+from scipy.stats import t as student
+
+from rover_sweep.data.recording import Array, LowPass
+from rover_sweep.driving.stretches import RATE, DrivenPart
+
+BLOCK = 5.0  # s, longer than any turn's memory
+ORDER = 6  # of the autoregression
+FAST_HZ = 10.0  # of the gyro's low-pass
+SPLIT = 0.18  # sd of the share of the lags that may be a delay instead, or the reverse: they look alike
+OTHER = 0.01  # sd of the share by which the gain changes with the speed for other reasons than understeer
+WHOLE = 0.02  # sd of delay and lags together, as a share: the law is simpler than a rover
+SETTLED = round(1.0 * RATE)  # samples at the begin of a stretch, in which the lags' unknown start decays
+PIECE = 20.0  # s, of the pieces that are predicted from the others
+LIMIT = 4.0  # of the whitened error, in its sd; beyond it, a sample counts less (Huber)
+
+NAMES = ("gain", "straight", "bias", "delay", "lag", "tyre_lag", "understeer", "bend")
+LOW = np.array([-np.inf, -np.inf, -np.inf, 0.0, 0.0, 0.0, -np.inf, 0.0])
+HIGH = np.array([np.inf, np.inf, np.inf, 0.6, 0.6, 0.3, 1.0, 0.06])
+USUAL = np.array([0.0, 0.0, 0.0, 0.05, 0.05, 0.04, 0.0, 0.0])
+SPREAD = np.array([np.inf, np.inf, 0.02, 0.2, 0.2, 0.1, 0.1, 0.03])
+"""Mean and standard deviation of what rovers have: wide, so that only what driving leaves open feels them."""
+STANDSTILL_SD = 0.002  # rad/s, of the bias known from standstill
+OF_SPEED = ("tyre_lag", "understeer")  # only driving at several speeds shows these
+
+
+@dataclass(frozen=True, eq=False)
+class DrivingFit:
+    """values (8,) and their covariance (8, 8) in the order of NAMES, zero in what was held.
+
+    structure (8, 8): the covariance of what the law leaves out, which more driving does not lessen.
+
+    gain g [1/m per unit of steering], straight u0 [unit of steering], bias b [rad/s], delay tau [s], lag T
+    [s], tyre_lag c [s^2/m], understeer k [s^2/m^2], bend q [s^4/m^2]. held: names that this driving cannot
+    show. explained: share of the yaw rate's variance that the model gives in pieces it was not fitted to.
+    dof: independent blocks beyond the parameters.
+    """
+
+    values: Array
+    covariance: Array
+    structure: Array
+    held: tuple[str, ...]
+    explained: float
+    dof: int
+
+    def __getitem__(self, name: str) -> float:
+        return float(self.values[NAMES.index(name)])
+
+    def interval(self, slopes: dict[str, float], value: float) -> tuple[float, float]:
+        """90 % interval of a value with these derivatives {name: slope} to the parameters."""
+        s = np.array([slopes.get(name, 0.0) for name in NAMES])
+        half = float(student.ppf(0.95, self.dof) * np.sqrt(s @ (self.covariance + self.structure) @ s))
+        return value - half, value + half
+
+
+def fit_driving(
+    stretches: Sequence[DrivenPart], bias: float | None, held: Sequence[str] = OF_SPEED
+) -> DrivingFit:
+    """Fits all stretches together. bias: of the yaw rate, from standstill [rad/s]. held: names kept at 0.
+
+    ValueError where no stretch is longer than `SETTLED` samples.
+    """
+    problem = _Problem(stretches, bias, held)
+    theta = problem.solved()
+    covariance, dof = problem.covariance(theta)
+    structure = _structure(theta, problem.stretches)
+    return DrivingFit(theta, covariance, structure, tuple(held), _explained(stretches, bias, held), dof)
+
+
+def precision_with(
+    fit: DrivingFit, stretches: Sequence[DrivenPart], bias: float | None, more: DrivenPart
+) -> DrivingFit:
+    """The fit with the covariance that it would have if `more` had been driven too, with like errors."""
+    problem = _Problem(stretches, bias, fit.held)
+    problem.whiten(fit.values)
+    problem.stretches, before = (more,), problem.free
+    slopes = problem.slopes(fit.values)[: more.t.size - SETTLED]
+    covariance = np.zeros_like(fit.covariance)
+    place = np.ix_(before, before)
+    covariance[place] = np.linalg.inv(np.linalg.pinv(fit.covariance[place]) + slopes.T @ slopes)
+    return replace(fit, covariance=covariance)
+
+
+def fitted_yaw_rate(fit: DrivingFit, s: DrivenPart) -> Array:
+    """The fit's yaw rate (n,) rad/s."""
+    return _yaw_rate(s, fit.values)
+
+
+class _Problem:
+    """Residuals of the model, whitened by the inverse noise filter `white` (ORDER + 1,) with sd `sd`."""
+
+    def __init__(self, stretches: Sequence[DrivenPart], bias: float | None, held: Sequence[str]) -> None:
+        self.stretches = tuple(s for s in stretches if s.t.size > 2 * SETTLED)
+        if not self.stretches:
+            raise ValueError("no stretch of driving is long enough")
+        self.free = np.array([name not in held for name in NAMES])
+        steering = np.concatenate([s.steered(0.0) for s in self.stretches])
+        self.unit = max(float(np.std(steering)), 1e-9)
+        self.usual, self.spread = USUAL.copy(), SPREAD.copy()
+        self.usual[1], self.spread[1] = float(np.median(steering)), 10 * self.unit
+        if bias is not None:
+            self.usual[2], self.spread[2] = bias, STANDSTILL_SD
+        fastest = max(float(np.max(np.abs(s.v))) for s in self.stretches)
+        self.low = LOW.copy()
+        self.low[6] = -0.8 / fastest**2
+        self.white, self.sd = np.array([1.0]), 1.0
+        self.scale = np.array([1 / self.unit, self.unit, 0.01, 0.03, 0.03, 0.03, 0.3 / fastest**2, 0.01])
+
+    def solved(self) -> Array:
+        """The parameters (8,) of the least squares, whitened three times; the best of several starts."""
+        starts = [self._start(delay, lag) for delay in (0.0, 0.1, 0.25) for lag in (0.05, 0.2)]
+        starts = sorted(starts, key=lambda theta: float(np.sum(np.square(self._errors(theta)))))
+        theta = min((self._search(start) for start in starts[:2]), key=lambda found: found[1])[0]
+        for _ in range(3):
+            self.whiten(theta)
+            theta = self._search(theta)[0]
+        return theta
+
+    def _start(self, delay: float, lag: float) -> Array:
+        """With the gain of a regression at this delay and lag."""
+        theta = np.where(self.free, self.usual, 0.0)
+        theta[[0, 3, 4, 7]] = 1 / self.unit, delay, lag, 0.0
+        theta[1] = self.usual[1]
+        x = np.concatenate([_yaw_rate(s, theta)[SETTLED:] for s in self.stretches])
+        y = np.concatenate([s.r[SETTLED:] for s in self.stretches])
+        theta[0] *= float(x @ y / max(x @ x, 1e-12))
+        return theta
+
+    def _search(self, start: Array) -> tuple[Array, float]:
+        free = self.free
+
+        def errors(x: Array) -> Array:
+            theta = start.copy()
+            theta[free] = x
+            return self._errors(theta)
+
+        x0 = np.clip(start, self.low + 1e-9, HIGH - 1e-9)[free]
+        bounds = self.low[free], HIGH[free]
+        found = least_squares(
+            errors, x0, bounds=bounds, x_scale=self.scale[free], loss="huber", f_scale=LIMIT
+        )
+        theta = start.copy()
+        theta[free] = found.x
+        return theta, float(found.cost)
+
+    def _errors(self, theta: Array) -> Array:
+        """Whitened errors of all stretches in their sd (n,), and those of the priors (8,)."""
+        parts = [self._whitened(s.r - _yaw_rate(s, theta)) / self.sd for s in self.stretches]
+        return np.concatenate((*parts, (theta - self.usual) / self.spread))
+
+    def _whitened(self, error: Array) -> Array:
+        return np.asarray(lfilter(self.white, [1.0], error))[SETTLED:]
+
+    def whiten(self, theta: Array) -> None:
+        """The autoregression of the residuals, by least squares over all stretches."""
+        residuals = [(s.r - _yaw_rate(s, theta))[SETTLED:] for s in self.stretches]
+        lags = range(1, ORDER + 1)
+        x = np.concatenate([np.stack([e[ORDER - k : e.size - k] for k in lags], 1) for e in residuals])
+        y = np.concatenate([e[ORDER:] for e in residuals])
+        found = np.linalg.lstsq(x, y, rcond=None)[0]
+        self.white = np.concatenate(([1.0], -found))
+        self.sd = max(float(np.std(y - x @ found)), 1e-9)
+
+    def covariance(self, theta: Array) -> tuple[Array, int]:
+        """Covariance (8, 8) by blocks, not below what independent errors leave; spare blocks."""
+        errors = self._errors(theta)
+        weight = np.minimum(1.0, LIMIT / np.maximum(np.abs(errors), 1e-12))
+        j = self.slopes(theta) * np.sqrt(weight)[:, None]
+        errors = errors * np.sqrt(weight)
+        bread = np.linalg.pinv(j.T @ j)
+        owner = self._owners()
+        sums = np.zeros((int(owner.max()) + 1, j.shape[1]))
+        np.add.at(sums, owner, (j * errors[:, None])[: owner.size])
+        dof = max(len(sums) - j.shape[1], 1)
+        blocks = bread @ (sums.T @ sums) @ bread * len(sums) / dof
+        least = np.sqrt(np.maximum(np.diag(bread) / np.maximum(np.diag(blocks), 1e-300), 1.0))
+        found = np.zeros((len(NAMES), len(NAMES)))
+        found[np.ix_(self.free, self.free)] = blocks * np.outer(least, least)
+        return found, dof
+
+    def slopes(self, theta: Array) -> Array:
+        """Derivatives (n, free) of the errors."""
+        columns = []
+        for i in np.flatnonzero(self.free):
+            ahead, behind = theta.copy(), theta.copy()
+            ahead[i] = min(theta[i] + 0.01 * self.scale[i], HIGH[i])
+            behind[i] = max(theta[i] - 0.01 * self.scale[i], self.low[i])
+            columns.append((self._errors(ahead) - self._errors(behind)) / (ahead[i] - behind[i]))
+        return np.stack(columns, 1)
+
+    def _owners(self) -> np.ndarray:
+        """The block (n,) of each error of the stretches."""
+        found, first = [], 0
+        for s in self.stretches:
+            k = np.arange(s.t.size - SETTLED) // round(BLOCK * RATE)
+            found.append(first + k)
+            first += int(k[-1]) + 1
+        return np.concatenate(found)
+
+
+def _structure(theta: Array, stretches: Sequence[DrivenPart]) -> Array:
+    """What `SPLIT`, `WHOLE` and `OTHER` add to the covariance (8, 8) of delay, lag and understeer."""
+    speeds = np.concatenate([np.abs(s.v) for s in stretches])
+    lags = theta[4] + theta[5] * float(np.mean(speeds))
+    found = np.zeros((len(NAMES), len(NAMES)))
+    found[np.ix_((3, 4), (3, 4))] = (SPLIT * lags) ** 2 * np.array([[1.0, -1.0], [-1.0, 1.0]])
+    found[4, 4] += (WHOLE * (theta[3] + lags)) ** 2
+    found[6, 6] = (OTHER / float(np.percentile(speeds, 95)) ** 2) ** 2
+    return found
+
+
+def _explained(stretches: Sequence[DrivenPart], bias: float | None, held: Sequence[str]) -> float:
+    """Share of the variance explained, each half of the driving predicted by the fit to the other."""
+    pieces = [(k + i, part) for i, s in enumerate(stretches) for k, part in enumerate(_pieces(s))]
+    halves = [[part for k, part in pieces if k % 2 == half] for half in (0, 1)]
+    if not all(any(s.t.size > 2 * SETTLED for s in half) for half in halves):
+        return float("nan")
+    error = total = 0.0
+    for fitted, other in (halves, reversed(halves)):
+        theta = _Problem(fitted, bias, held).solved()
+        for s in other:
+            error += float(np.sum(np.square(s.r - _yaw_rate(s, theta))[SETTLED:]))
+            total += float(np.sum(np.square(s.r - theta[2])[SETTLED:]))
+    return 1.0 - error / total if total else float("nan")
+
+
+def _pieces(s: DrivenPart) -> list[DrivenPart]:
+    count = max(2, round(s.seconds / PIECE))
+    return [replace(s, t=s.t[k], v=s.v[k], r=s.r[k]) for k in np.array_split(np.arange(s.t.size), count)]
+
+
+def _yaw_rate(s: DrivenPart, theta: Array) -> Array:
+    """The yaw rate (n,) rad/s of the module's text, starting at rest in the first sample."""
+    gain, straight, bias, delay, lag, tyre_lag, understeer, bend = theta
+    square = np.square(s.v)
+    asked = gain * (s.steered(delay + _constant_delay(s.low_pass)) - straight)
+    steady = s.v * asked / (1 + understeer * square + bend * np.square(square * asked))
+    return bias + _low_passed(_lagged(steady, lag, tyre_lag * np.abs(s.v), 1 / RATE), s.low_pass)
+
+
+@njit(cache=True)
+def _lagged(x, lag, tyre_lag, step):  # type: ignore[no-untyped-def]
+    """Two first-order lags in series, of constant and of varying time constant (n,) s; exact for a ramp."""
+    y = np.empty_like(x)
+    first = second = before = x[0]
+    for i in range(x.size):
+        middle = 0.5 * (before + x[i])
+        before = x[i]
+        then = first
+        first = middle + (first - middle) * np.exp(-step / lag) if lag > 1e-4 else x[i]
+        held = 0.5 * (then + first)
+        second = held + (second - held) * np.exp(-step / tyre_lag[i]) if tyre_lag[i] > 1e-4 else first
+        y[i] = second
+    return y
+
+
+def _constant_delay(low_pass: LowPass | None) -> float:
+    """The delay [s] of a fast low-pass, which is constant over all that driving excites."""
+    if low_pass is None or low_pass.cutoff_hz < FAST_HZ:
+        return 0.0
+    return float(np.sqrt(2) / (2 * np.pi * low_pass.cutoff_hz))
+
+
+def _low_passed(x: Array, low_pass: LowPass | None) -> Array:
+    """Behind a sensor's second-order low-pass, as ArduPilot computes it, if that is slow."""
+    if low_pass is None or low_pass.cutoff_hz >= FAST_HZ:
+        return x
+    b, a = butter(2, low_pass.cutoff_hz, fs=RATE)
+    return np.asarray(lfilter(b, a, x, zi=lfilter_zi(b, a) * x[0])[0])

@@ -1,0 +1,145 @@
+"""The parts of a log in which driving says how the rover steers, on an even grid."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rover_sweep.data.recording import Array, LowPass, Signal, stretches
+from rover_sweep.logs.find import still_intervals
+from rover_sweep.logs.log import Log, limits_of_steering
+
+Bool = NDArray[np.bool_]
+
+RATE = 50.0  # Hz of the grid: ten times the fastest steering that a rover answers
+SLOWEST = 0.3  # m/s; below it, the noise of the speed is a large share of the speed
+SHORTEST = 4.0  # s of driving without an interruption
+HOLE = 0.5  # s between samples of one channel; the driving is cut there
+FASTEST_TURN = 4.0  # m/s^2 of V r: beyond it, tyres slide
+STAIRCASE_HZ = 30.0  # a slower record of the steering is samples of something finer and is interpolated
+
+
+@dataclass(frozen=True, eq=False)
+class DrivenPart:
+    """Uninterrupted driving: t (n,) s on the grid, speed v (n,) m/s (negative in reverse), yaw rate r (n,)
+    rad/s, left positive. steering: the recorded output in its unit, on its own time stamps. low_pass: of
+    the recorded yaw rate, None where none is known.
+    """
+
+    name: str
+    t: Array
+    v: Array
+    r: Array
+    steering: Signal
+    low_pass: LowPass | None
+
+    def steered(self, delay: float) -> Array:
+        """The steering (n,) `delay` seconds before each time of the grid, in its unit."""
+        return self.steering.on(self.t - delay)
+
+    @property
+    def seconds(self) -> float:
+        """Its length, s."""
+        return float(self.t[-1] - self.t[0])
+
+
+@dataclass(frozen=True, eq=False)
+class Driving:
+    """All usable driving of some logs. bias: of the yaw rate at standstill, rad/s, None without any.
+
+    unit: of the steering, "us" or "rad". left_out: {reason: seconds}. limits: (lowest, highest) steering
+    output, None where unknown. trim: the configured neutral [us], None where unknown.
+    """
+
+    stretches: tuple[DrivenPart, ...]
+    unit: str
+    bias: float | None
+    left_out: dict[str, float]
+    limits: tuple[float, float] | None
+    trim: float | None
+
+    @property
+    def seconds(self) -> float:
+        """Length of all stretches together, s."""
+        return sum(s.seconds for s in self.stretches)
+
+
+def usable_driving(logs: Sequence[Log]) -> Driving:
+    """Cuts logs that have steering, speed and yaw rate into stretches of driving."""
+    found: list[DrivenPart] = []
+    left_out: dict[str, float] = {}
+    biases: list[Array] = []
+    for log in logs:
+        parts, out, still = _of_log(log)
+        found += parts
+        biases.append(still)
+        left_out = {
+            reason: left_out.get(reason, 0.0) + out.get(reason, 0.0) for reason in {**left_out, **out}
+        }
+    still = np.concatenate(biases) if biases else np.empty(0)
+    first = logs[0]
+    return Driving(
+        tuple(found),
+        first.steering[0].unit,
+        float(np.mean(still)) if still.size > RATE else None,
+        left_out,
+        first.limits,
+        next((v for n, v in limits_of_steering(first.parameters).items() if n.endswith("_TRIM")), None),
+    )
+
+
+def _of_log(log: Log) -> tuple[list[DrivenPart], dict[str, float], Array]:
+    """Its stretches, the seconds left out for each reason, and the yaw rate at standstill."""
+    steering, speed, yaw = _continuous(log.steering[0]), log.signals["speed"], log.signals["r"]
+    first, last = (pick(f(s.t[i] for s in (steering, speed, yaw))) for pick, f, i in _ENDS)
+    t = np.arange(first, last, 1 / RATE)
+    v, r = speed.on(t), yaw.on(t)
+    whole = np.ones(t.size, bool)
+    for signal in (steering, speed, yaw):
+        whole &= ~_in_holes(signal, t)
+    still, sliding = np.abs(v) < SLOWEST, np.abs(v * r) > FASTEST_TURN
+    usable = whole & ~still & ~_near(sliding, 0.5)
+    parts = [(a, b) for a, b in stretches(usable) if (b - a) / RATE >= SHORTEST]
+    used = np.zeros(t.size, bool)
+    for a, b in parts:
+        used[a : b + 1] = True
+    reasons = {
+        f"slower than {SLOWEST:g} m/s": still & whole,
+        "holes in the record": ~whole,
+        f"turns beyond {FASTEST_TURN:g} m/s²": sliding & whole & ~still,
+    }
+    reasons[f"pieces shorter than {SHORTEST:g} s"] = ~used & ~np.any(list(reasons.values()), axis=0)
+    low_pass = log.filters.get("r")
+    found = [
+        DrivenPart(log.name, t[a : b + 1], v[a : b + 1], r[a : b + 1], steering, low_pass) for a, b in parts
+    ]
+    standing = [yaw.between(a, b).x for a, b in still_intervals(log)]
+    seconds = {reason: float(mask.sum() / RATE) for reason, mask in reasons.items()}
+    return found, seconds, np.concatenate(standing) if standing else np.empty(0)
+
+
+_ENDS = ((float, max, 0), (float, min, -1))
+
+
+def _continuous(steering: Signal) -> Signal:
+    """Outputs logged too seldom for a staircase, as samples to interpolate between."""
+    if steering.hold and steering.rate < STAIRCASE_HZ:
+        return Signal(steering.t, steering.x, steering.unit, steering.source)
+    return steering
+
+
+def _in_holes(signal: Signal, t: Array) -> Bool:
+    """Times (n,) between two samples of the signal that are further apart than `HOLE`."""
+    k = np.clip(np.searchsorted(signal.t, t, "right"), 1, signal.t.size - 1)
+    return signal.t[k] - signal.t[k - 1] > HOLE
+
+
+def _near(mask: Bool, seconds: float) -> Bool:
+    """The mask widened by some seconds on both sides."""
+    if not mask.any():
+        return mask
+    reach = round(seconds * RATE)
+    return np.convolve(mask, np.ones(2 * reach + 1), "same") > 0.5

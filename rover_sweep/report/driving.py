@@ -1,0 +1,175 @@
+"""What any driving shows of the steering, as a document and as driving.json."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from rover_sweep.data.results import ends_words, number
+from rover_sweep.driving.answer import SWEEP_S, SWEEP_SPEED, SWEEP_US, DrivingAnswer
+from rover_sweep.driving.fit import fitted_yaw_rate
+from rover_sweep.driving.stretches import RATE, DrivenPart
+from rover_sweep.report.charts.chart import AFTER, DATA, Chart, ChartPlan, Curve, Panel, Stack
+from rover_sweep.report.document import (
+    Badge,
+    Cell,
+    Document,
+    Figures,
+    Section,
+    Sentence,
+    Table,
+    Tone,
+    items,
+    some,
+)
+from rover_sweep.report.identification.identification_json import number_document
+from rover_sweep.report.wording import count, sentence, unit, versions, versions_words
+
+TONES: dict[str, Tone] = {"good": "good", "rough": "warn", "none": "bad"}
+WORTH = 0.7  # a sweep is advised for numbers whose intervals it narrows below this share
+LAW = (
+    "Law: r = V g (u − u0) / (1 + k V² + q a²), behind the delay and two lags, one of them growing with the "
+    "speed; a is the lateral acceleration. Intervals are 90 %, with errors that are correlated in time; an "
+    "error of the recorded speed's scale changes the curvature by as much."
+)
+SHOWN = 6  # stretches drawn, the longest
+
+
+def driving_document(answer: DrivingAnswer) -> dict[str, Any]:
+    """The answer as plain data."""
+    driving = answer.driving
+    return {
+        "format": "rover-sweep driving",
+        "format_version": 1,
+        "level": answer.level,
+        "reasons": list(answer.reasons),
+        "numbers": {q.name: number_document(q) for q in answer.numbers},
+        "unknown": list(answer.unknown),
+        "explained": answer.fit.explained if answer.fit else None,
+        "seconds_used": driving.seconds,
+        "seconds_left_out": driving.left_out,
+        "speeds_in_turns_m_s": list(answer.speeds),
+        "steering_unit": driving.unit,
+        "steering_amplitude": answer.amplitude,
+        "steering_band_hz": list(answer.band),
+        "half_width_after_sweep": dict(answer.after_sweep),
+    }
+
+
+def driving_report(answer: DrivingAnswer, names: str) -> Document:
+    """The answer as a document. names: of the logs, for the subtitle."""
+    driving = answer.driving
+    return Document(
+        "Steering from any driving",
+        f"{names}; rover-sweep {versions()['rover_sweep']}",
+        some(
+            Sentence(_first(answer), "strong", badge=Badge(answer.level, TONES[answer.level])),
+            *items([sentence(words) for words in answer.reasons]),
+            _numbers(answer),
+            *(Sentence(sentence(words)) for words in _remarks(answer)),
+        ),
+        (
+            Section("What was driven", some(*_driven(answer)), "driven"),
+            Section("Yaw rate", some(Figures(tuple(_charts(answer)))), "runs", level="page"),
+        ),
+        (),
+        (Sentence(LAW, "muted"), Sentence(versions_words(versions()), "muted"))
+        if driving.stretches
+        else (Sentence(versions_words(versions()), "muted"),),
+    )
+
+
+def _first(answer: DrivingAnswer) -> str:
+    found = answer.numbers
+    if answer.level == "none":
+        return "This driving does not show how the rover steers."
+    late = f"{number(1000 * found['response_time'].value, 2)} ms after the steering"
+    if "curvature" in found:
+        per = number(found["curvature"].value, 3)
+        return f"The path curves by {per} 1/m for each 100 us of steering, and the turn follows {late}."
+    seen = number(found["wheelbase_seen"].value, 3)
+    return f"The rover turns as one of {seen} m wheelbase would for the recorded angle, and follows {late}."
+
+
+def _numbers(answer: DrivingAnswer) -> Table | None:
+    rows = []
+    for q in answer.numbers:
+        scale, shown = (1000.0, "ms") if q.unit == "s" else (1.0, unit(q.unit))
+        low, high = (None if end is None else scale * end for end in (q.low, q.high))
+        digits = 4 if q.name == "straight" and q.unit == "us" else 3
+        words = ends_words(low, high, digits)
+        name = Cell(q.name.replace("_", " "), "strong")
+        rows.append(
+            (name, Cell(q.meaning), Cell(number(scale * q.value, digits), "strong"), Cell(shown), Cell(words))
+        )
+    headings = ("", "meaning", "value", "unit", "90 % interval")
+    return Table("Numbers of the steering", headings, tuple(rows), text_columns=(0, 1, 3)) if rows else None
+
+
+def _remarks(answer: DrivingAnswer) -> Iterator[str]:
+    found, trim = answer.numbers, answer.driving.trim
+    if "straight" in found and trim is not None and answer.driving.unit == "us":
+        q = found["straight"]
+        if q.low is not None and q.high is not None and not q.low - 2 <= trim <= q.high + 2:
+            yield f"The rover drives straight at {q.value:.0f} us, its trim is {trim:.0f} us: set SERVOn_TRIM"
+    for words in answer.unknown:
+        yield f"Unknown: {words[0].lower()}{words[1:]}"
+    better = []
+    for name, half in answer.after_sweep:
+        q = found[name]
+        if q.low is not None and q.high is not None and half < WORTH * (q.high - q.low) / 2:
+            better.append(f"{name.replace('_', ' ')} to {100 * 2 * half / (q.high - q.low):.0f} %")
+    if better:
+        yield (
+            f"A sweep of {SWEEP_US:.0f} us at {SWEEP_SPEED:g} m/s for {SWEEP_S:.0f} s would narrow the "
+            f"intervals: {', '.join(better)} of their width"
+        )
+
+
+def _driven(answer: DrivingAnswer) -> Iterator[Sentence | Table]:
+    driving = answer.driving
+    yield Sentence(f"Used: {driving.seconds:.0f} s in {count(len(driving.stretches), 'part')}.")
+    if answer.fit is not None and answer.level != "none":
+        low, high = answer.band
+        size = f"{answer.amplitude:.0f} us" if driving.unit == "us" else f"{answer.amplitude:.2g} rad"
+        yield Sentence(
+            f"Turns at {answer.speeds[0]:.1f} to {answer.speeds[2]:.1f} m/s, steering within {size} of "
+            f"straight ahead, most of its power at {low:.2g} to {high:.2g} Hz. In parts of the drive that "
+            f"were not fitted, the steering explains {100 * answer.fit.explained:.1f} % of the yaw rate."
+        )
+    rows = [(Cell(why), Cell(f"{seconds:.0f}")) for why, seconds in driving.left_out.items() if seconds >= 1]
+    if rows and answer.level != "none":
+        yield Table("Left out", ("", "s"), tuple(rows))
+
+
+def _charts(answer: DrivingAnswer) -> Iterator[ChartPlan]:
+    if answer.fit is None:
+        return
+    longest = sorted(answer.driving.stretches, key=lambda s: -s.seconds)[:SHOWN]
+    words = "Yaw rate, measured and by the law; steering as recorded."
+    for k, s in enumerate(sorted(longest, key=lambda s: float(s.t[0]))):
+        yield ChartPlan(f"driving-{k + 1}", words, partial(_chart, answer, s))
+
+
+def _chart(answer: DrivingAnswer, s: DrivenPart) -> Chart:
+    assert answer.fit is not None
+    degrees = 180 / np.pi
+    step = max(1, round(s.t.size / (60 * RATE)))
+    t = s.t[::step] - s.t[0]
+    fitted = fitted_yaw_rate(answer.fit, s)
+    panels = (
+        Panel(f"steering, {unit(s.steering.unit)}", t, (Curve("recorded", s.steered(0.0)[::step], DATA),)),
+        Panel("speed V, m/s", t, (Curve("recorded", s.v[::step], DATA),), height=80),
+        Panel(
+            "yaw rate r, deg/s",
+            t,
+            (
+                Curve("measured", degrees * s.r[::step], DATA),
+                Curve("by the law", degrees * fitted[::step], **AFTER),
+            ),
+        ),
+    )
+    return Chart((Stack(f"{s.name}, from {s.t[0]:.0f} s", "time, s", panels, (0.0, float(t[-1]))),))

@@ -1,0 +1,63 @@
+"""Hand driving and missions of the simulated rover, as logs: the plant on drawn steering and speed."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from scipy.ndimage import gaussian_filter1d
+from scipy.signal import lfilter
+
+from sitl.plant.variant import PlantParameters
+from sitl.redrive.course import Array, Course
+from sitl.redrive.open_loop import redrive
+
+STEP = 0.02  # s, of the main loop
+OUTPUTS = {"SERVO1_FUNCTION": 26, "SERVO3_FUNCTION": 70, "INS_GYRO_FILTER": 20}
+
+
+def hand_driving(seconds: float, rng: np.random.Generator) -> tuple[Array, Array]:
+    """Steering about the trim [us] and speed [m/s] (n,): a stick at a finite rate, gas as one likes."""
+    n = round(seconds / STEP)
+    wanted, speed = np.zeros(n), np.zeros(n)
+    k = 0
+    while k < n:
+        more = round(rng.uniform(0.3, 3) / STEP)
+        wanted[k : k + more] = rng.choice([0, 1, 1]) * rng.normal(0, 110)
+        k += more
+    k = 0
+    while k < n:
+        more = round(rng.uniform(8, 40) / STEP)
+        speed[k : k + more] = rng.uniform(0.8, 2.8)
+        k += more
+    stick, at = np.zeros(n), 0.0
+    for i in range(n):
+        at += float(np.clip(wanted[i] - at, -600 * STEP, 600 * STEP))
+        stick[i] = at
+    return stick, gaussian_filter1d(speed, 1.0 / STEP)
+
+
+def mission(seconds: float, rng: np.random.Generator) -> tuple[Array, Array]:
+    """Straight legs and corners as an autopilot steers them, slower in the corners."""
+    n = round(seconds / STEP)
+    steering, k = np.zeros(n), 0
+    while k < n:
+        k += round(rng.uniform(4, 9) / STEP)
+        corner, side = round(rng.uniform(1.0, 1.8) / STEP), rng.choice([-1, 1]) * rng.uniform(90, 190)
+        steering[k : k + corner] = side
+        steering[k + corner : k + corner + round(0.6 / STEP)] = -0.25 * side
+        k += corner + round(0.6 / STEP)
+    share = STEP / 0.12
+    steering = lfilter([share], [1, share - 1], steering) + rng.normal(0, 1.5, n)
+    speed = 2.0 - 0.4 * np.minimum(1, np.abs(steering) / 150)
+    return steering, gaussian_filter1d(speed, 1.0 / STEP)
+
+
+def recorded(steering: Array, speed: Array, rover: PlantParameters, out: Path, seed: int) -> Path:
+    """The log of the rover that drives this, from standstill."""
+    t = 10 + STEP * np.arange(steering.size)
+    begin = round(3 / STEP)
+    speed = np.concatenate((np.linspace(0, speed[begin], begin), speed[begin:]))
+    pwm = rover.steering_trim_us + np.round(steering)
+    redrive(Course(t, pwm, speed, t, pwm, parameters=OUTPUTS), rover, out, seed)
+    return out

@@ -1,0 +1,153 @@
+"""Numbers of the steering from any driving: against the simulated rover that drove, and bad records."""
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from drives import hand_driving, mission, recorded
+
+import rover_sweep as rs
+from rover_sweep.data.recording import Signal
+from rover_sweep.driving.answer import answer_from
+from rover_sweep.logs.log import Log
+from rover_sweep.logs.read import read_logs
+from sitl.plant.variant import load_variant
+
+ROVER = load_variant("nominal")
+WHEELBASE = ROVER.cg_to_front_axle + ROVER.cg_to_rear_axle
+CURVATURE = 100 * ROVER.rad_per_us / WHEELBASE
+
+
+def response_time(speed):
+    """Delay and lags of the simulated rover, s: its servo, and the linear bicycle's yaw at low frequency."""
+    p = ROVER
+    damping = (
+        p.cg_to_front_axle**2 * p.front_cornering_stiffness
+        + p.cg_to_rear_axle**2 * p.rear_cornering_stiffness
+    )
+    return p.servo_delay + p.servo_lag + p.yaw_inertia * speed / damping
+
+
+@pytest.fixture(scope="module", params=[hand_driving, mission])
+def driven(request, tmp_path_factory):
+    rng = np.random.default_rng(5)
+    steering, speed = request.param(240, rng)
+    path = recorded(steering, speed, ROVER, tmp_path_factory.mktemp("any") / "drive.BIN", 5)
+    return path, rs.identify_driving(path, wheelbase=WHEELBASE)
+
+
+def test_gain_delay_and_trim_are_the_rovers(driven):
+    _, answer = driven
+    found = answer.numbers
+    assert answer.level == "good"
+    assert found["curvature"].value == pytest.approx(CURVATURE, rel=0.03)
+    assert found["rad_per_us"].value == pytest.approx(ROVER.rad_per_us, rel=0.03)
+    assert found["response_time"].value == pytest.approx(response_time(answer.speeds[1]), abs=0.01)
+    assert found["straight"].low - 3 < 1500 < found["straight"].high + 3
+    assert found["delay"].low < ROVER.servo_delay < found["delay"].high
+
+
+def test_understeer_is_told_where_the_speeds_show_it(driven):
+    _, answer = driven
+    varied = answer.speeds[2] > 1.5 * answer.speeds[0]
+    assert ("understeer_gradient" in answer.numbers) == varied
+    if varied:
+        q = answer.numbers["understeer_gradient"]
+        assert q.low < 0.0 < q.high and q.high - q.low < 3  # a neutral rover
+    else:
+        assert any("all turns were driven at" in words for words in answer.unknown)
+
+
+def test_a_sweep_would_narrow_what_it_shows(driven):
+    _, answer = driven
+    before = {q.name: (q.high - q.low) / 2 for q in answer.numbers}
+    after = dict(answer.after_sweep)
+    assert after["curvature"] < before["curvature"]
+    assert all(half <= 1.001 * before[name] for name, half in after.items())
+
+
+def test_half_the_curvature_is_found_as_half(tmp_path):
+    rover = replace(ROVER, rad_per_us=0.5 * ROVER.rad_per_us)
+    steering, speed = hand_driving(90, np.random.default_rng(8))
+    path = recorded(steering, speed, rover, tmp_path / "half.BIN", 8)
+    assert rs.identify_driving(path).numbers["curvature"].value == pytest.approx(0.5 * CURVATURE, rel=0.05)
+
+
+def changed(path, change):
+    (log,) = read_logs(str(path))
+    return [change(log)]
+
+
+def with_signal(log: Log, name: str, change) -> Log:
+    s = log.signals[name]
+    return replace(log, signals={**log.signals, name: replace(s, x=change(s.t, s.x))})
+
+
+def with_steering(log: Log, change) -> Log:
+    s = log.steering[0]
+    return replace(log, steering=(Signal(s.t, change(s.t, s.x), s.unit, s.source),))
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda log: with_signal(log, "speed", lambda t, v: 0 * v), "only 0 s of driving"),
+        (lambda log: with_steering(log, lambda t, u: 0 * u + 1500), "the steering stayed at 1500"),
+        (lambda log: with_signal(log, "r", lambda t, r: 0 * r), "does not follow|explains 0 %"),
+        (
+            lambda log: with_signal(log, "r", lambda t, r: np.random.default_rng(1).normal(0, 0.3, r.size)),
+            "does not follow|explains",
+        ),
+    ],
+    ids=["standstill", "constant steering", "dead gyro", "another vehicle's gyro"],
+)
+def test_driving_that_shows_nothing_says_why(driven, change, words):
+    answer = answer_from(changed(driven[0], change))
+    assert answer.level == "none" and not answer.numbers
+    assert any(re.search(words, reason) for reason in answer.reasons), answer.reasons
+
+
+def test_reverse_is_a_negative_speed(driven):
+    """The same turn in reverse: the speed and the yaw rate change sign, the curvature does not."""
+
+    def reverse(log):
+        back = with_signal(log, "speed", lambda t, v: -v)
+        return with_signal(back, "r", lambda t, r: -r)
+
+    found = answer_from(changed(driven[0], reverse))
+    assert found.numbers["curvature"].value == pytest.approx(driven[1].numbers["curvature"].value, rel=0.01)
+
+
+def without_speed(log, a, b):
+    s = log.signals["speed"]
+    keep = (s.t < a) | (s.t > b)
+    return replace(log, signals={**log.signals, "speed": replace(s, t=s.t[keep], x=s.x[keep])})
+
+
+DAMAGE = (
+    lambda log, a, b: with_signal(log, "r", lambda t, r: np.where((t > a) & (t < b), 0.0, r)),
+    lambda log, a, b: with_steering(log, lambda t, u: np.where((t > a) & (t < b), 1500.0, u)),
+    lambda log, a, b: with_signal(log, "speed", lambda t, v: np.where((t > a) & (t < b), 0.0, v)),
+    lambda log, a, b: with_steering(log, lambda t, u: np.maximum(u, 1500.0)),
+    without_speed,
+)
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_a_damaged_record_gives_an_answer_or_a_sentence(driven, seed):
+    """Zeros, gaps, constant steering, standstill, one direction only, 4 to 200 s: never a traceback."""
+    rng = np.random.default_rng(seed)
+    (log,) = read_logs(str(driven[0]))
+    first = float(rng.uniform(10, 100))
+    last = first + float(rng.uniform(4, 130))
+    signals = {n: s.between(first, last) for n, s in log.signals.items()}
+    log = replace(log, signals=signals, steering=(log.steering[0].between(first, last),))
+    for _ in range(2):
+        a, b = np.sort(rng.uniform(first, last, 2))
+        log = DAMAGE[rng.integers(len(DAMAGE))](log, a, b)
+    answer = answer_from([log])
+    assert answer.level in ("good", "rough", "none")
+    assert bool(answer.numbers) != bool(answer.level == "none")
+    if answer.level == "good":
+        assert answer.numbers["curvature"].low * 0.9 < CURVATURE < answer.numbers["curvature"].high * 1.1
