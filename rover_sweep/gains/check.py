@@ -83,7 +83,7 @@ def check_steering(log: ControllerLog, found: Identified | None = None) -> Steer
 
     ValueError for a log without driving.
     """
-    loop, rows = autopilot(log.parameters), while_moving(log)
+    loop, rows = autopilot({**_gains_of_terms(log), **log.parameters}), while_moving(log)
     parts = even_stretches(rows)
     if not parts:
         raise ValueError(f"{log.name}: the rover did not drive for 2 s or more with the controller on")
@@ -127,6 +127,16 @@ def check_steering(log: ControllerLog, found: Identified | None = None) -> Steer
         _simulated(parts, after, changed) if after and changed else None,
         skipped,
     )
+
+
+def _gains_of_terms(log: ControllerLog) -> dict[str, float]:
+    """FF and P from the logged terms, for a log without parameters."""
+    pairs = {"FF": (log.ff, log.target), "P": (log.p, log.target - log.actual)}
+    return {
+        f"ATC_STR_RAT_{name}": max(float(term @ of / (of @ of)), 0.0)
+        for name, (term, of) in pairs.items()
+        if of @ of > 0
+    }
 
 
 def _oscillates(

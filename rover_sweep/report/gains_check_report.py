@@ -28,7 +28,7 @@ def check_report(before: BothChecks, now: BothChecks) -> Document:
     said = [f"{f.name}{_way(check)}: {f.words}" for check in checks for f in check.findings]
     skipped = [f"not checked{_way(check)}: {words}" for check in steering for words in check.skipped]
     loop = steering[0].autopilot
-    notes = [f"note: {loop.assumed_words}"] if "ATC_STR_RAT_FF" in loop.assumed else []
+    notes = [f"note: {loop.assumed_words}"] if "ATC_STR_RAT_MAX" in loop.assumed else []
     return Document(
         "Gains checked",
         "",

@@ -110,6 +110,16 @@ def test_a_limit_that_is_hit_is_named(proposal: Proposal, tuned: Gains, name: st
     assert next(limit for limit in check.limits if limit.parameter == name).seconds > 15
 
 
+def test_without_parameters_the_gains_come_from_the_terms(proposal: Proposal, tuned: Gains):
+    """As in a .tlog that was begun after the parameters were read."""
+    log = driven(proposal, replace(tuned, ff=tuned.ff / 2))
+    check = check_steering(replace(log, parameters={}))
+    assert found(check) == [("FF too low", "ATC_STR_RAT_FF")]
+    assert check.autopilot.gains.ff == pytest.approx(tuned.ff / 2, rel=0.01)
+    said = [part.text for part in check_report(((), ()), ([check], ())).answer]
+    assert any("Assumed at the firmware's defaults" in text for text in said)
+
+
 def test_a_drive_without_turns_is_not_judged(proposal: Proposal, tuned: Gains):
     log = driven(proposal, tuned)
     straight = replace(log, target=0.01 * log.target, actual=0.01 * log.actual)
