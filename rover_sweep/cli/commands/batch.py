@@ -11,7 +11,7 @@ import click
 
 from rover_sweep.cli.options import FOLDER, argument, check_writable, option, options
 from rover_sweep.cli.views.asking import long_work
-from rover_sweep.cli.views.output import echo_json, narration, next_step, results
+from rover_sweep.cli.views.output import echo_json, narration, results, say_next
 from rover_sweep.errors import UsageError
 
 if TYPE_CHECKING:
@@ -78,7 +78,7 @@ def batch(
     shown.print(on_terminal(season_report(found)))
     shown.print(f"report: {page}", soft_wrap=True)
     if not diagnose:
-        next_step("the same with --diagnose explains the changes that it lists")
+        say_next("the same with --diagnose explains the changes that it lists")
     if as_json:
         echo_json(season_document(found))
 

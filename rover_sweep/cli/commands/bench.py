@@ -13,7 +13,7 @@ import click
 
 from rover_sweep.cli.options import FILE, FOLDER, numbers_type, option, options, session_folder, vehicle_path
 from rover_sweep.cli.vehicle_link import ACCESS, MAYBE_CONNECT
-from rover_sweep.cli.views.output import echo, echo_json, next_step
+from rover_sweep.cli.views.output import echo, echo_json, say_next
 from rover_sweep.errors import RoverSweepError, UsageError
 
 if TYPE_CHECKING:
@@ -147,7 +147,7 @@ def _print(result: BenchResult, written: dict[str, Measured], folder: BenchFolde
         echo(bullet("!", text))
     if written:
         echo(f"\nwritten into {path}: {', '.join(key.partition('.')[2] for key in written)}")
-    next_step(f"rover-sweep vehicle check {path}" if written else f"rover-sweep bench --from {folder.path}")
+    say_next(f"rover-sweep vehicle check {path}" if written else f"rover-sweep bench --from {folder.path}")
 
 
 def _print_json(result: BenchResult, written: dict[str, Measured], folder: BenchFolder, path: Path) -> None:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import click
 
 from rover_sweep.cli.options import FILE, POSITIVE, READING, argument, option, options
-from rover_sweep.cli.views.output import echo_json, next_step, print_table, results
+from rover_sweep.cli.views.output import echo_json, print_table, results, say_next
 
 if TYPE_CHECKING:
     from rover_sweep.api.read import Reading
@@ -45,9 +45,9 @@ def coherence(
         for run, verdict in judged:
             _show(verdict, [note.text for note in run.notes if note.level == "warning"])
         if all(verdict.keep for _, verdict in judged):
-            next_step(f"rover-sweep identify {' '.join(runs)} --vehicle {vehicle or 'rover.toml'}")
+            say_next(f"rover-sweep identify {' '.join(runs)} --vehicle {vehicle or 'rover.toml'}")
         else:
-            next_step("drive again what is not kept, with the amplitude above")
+            say_next("drive again what is not kept, with the amplitude above")
         return
     document = [asdict(verdict) | {"keep": verdict.keep} for _, verdict in judged]
     for entry, (run, verdict) in zip(document, judged, strict=True):

@@ -11,7 +11,7 @@ import click
 from click.core import ParameterSource
 
 from rover_sweep.cli.options import FILE, POSITIVE, NumberRange, option, options
-from rover_sweep.cli.views.output import echo, echo_json, next_step
+from rover_sweep.cli.views.output import echo, echo_json, say_next
 
 if TYPE_CHECKING:
     from rover_sweep.manoeuvre.sweep import Manoeuvre
@@ -113,4 +113,4 @@ def design(
             names, flags = (", ".join(_SETTINGS[n][k] for n in assumed) for k in (0, 1))
             echo("\n" + fact("assumed", f"ArduRover's defaults for {names}; give yours with {flags}"))
         values = f"{amplitude:g},{bias:g}" if type == "bias-sweep" else f"{amplitude:g}"
-        next_step(f"rover-sweep run --connect URL --vehicle {vehicle or 'rover.toml'} --{type} {values}")
+        say_next(f"rover-sweep run --connect URL --vehicle {vehicle or 'rover.toml'} --{type} {values}")

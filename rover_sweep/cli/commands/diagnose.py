@@ -26,7 +26,7 @@ from rover_sweep.cli.options import (
     options,
     vehicle_path,
 )
-from rover_sweep.cli.views.output import echo_json, narration, next_step, print_warnings, results
+from rover_sweep.cli.views.output import echo_json, narration, print_warnings, results, say_next
 from rover_sweep.errors import DataRefused, UsageError
 
 if TYPE_CHECKING:
@@ -241,7 +241,7 @@ def correct(call: TwinCall = TWIN) -> None:
     shown.print(on_terminal(twin_report(found, origin)), width=min(shown.width, WIDTH))
     shown.print(f"\nreport: {page}", soft_wrap=True)
     shown.print(f"corrected rover: {out / 'variant.toml'}", soft_wrap=True)
-    next_step(f"rover-sweep dry-run --variant {out / 'variant.toml'}", f"rover-sweep twin serve {out}")
+    say_next(f"rover-sweep dry-run --variant {out / 'variant.toml'}", f"rover-sweep twin serve {out}")
     if call.as_json:
         echo_json((out / "twin.json").read_text(encoding="utf-8"))
     if asked.to_stop():

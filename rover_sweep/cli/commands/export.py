@@ -16,7 +16,7 @@ from rover_sweep.cli.options import (
     refuse_input,
     refuse_no_folder,
 )
-from rover_sweep.cli.views.output import echo, next_step
+from rover_sweep.cli.views.output import echo, say_next
 from rover_sweep.errors import DataRefused, UsageError
 from rover_sweep.files.documents import printable_lines, read_json
 
@@ -90,7 +90,7 @@ def export(
         diagnosed, _ = read_augmented_model(found)
         _write(output, variant_text(diagnosed), f"{diagnosed.name} model as a simulated rover")
         if output != "-":
-            next_step(f"rover-sweep dry-run --variant {output}")
+            say_next(f"rover-sweep dry-run --variant {output}")
         return
     inside = path / "report"  # of the folder of a session
     here = (path / "identification.json").is_file()

@@ -9,7 +9,7 @@ import click
 from rover_sweep.cli.options import OUTPUT, argument, option, options, write_text
 from rover_sweep.cli.vehicle_link import LINK, LinkOptions
 from rover_sweep.cli.views.asking import confirmed, reboot_consent, refuse_unasked
-from rover_sweep.cli.views.output import narration, next_step, print_table, results
+from rover_sweep.cli.views.output import narration, print_table, results, say_next
 
 if TYPE_CHECKING:
     from rover_sweep.vehicle.setup import Survey
@@ -30,7 +30,7 @@ def applet(output: str = OUTPUT) -> None:
     from firmware_params.applet_parameters import applet_source
 
     write_text(output, applet_source())
-    next_step("copy it to APM/scripts on the card and reboot", "rover-sweep firmware check --connect URL")
+    say_next("copy it to APM/scripts on the card and reboot", "rover-sweep firmware check --connect URL")
 
 
 @firmware.command(short_help="Write a .param file.")
@@ -40,7 +40,7 @@ def params(name: str = _NAME, output: str = OUTPUT) -> None:
     from firmware_params.param_files import shipped
 
     write_text(output, shipped(name).read_text(encoding="utf-8"))
-    next_step("load it in a ground station", "rover-sweep firmware check --connect URL")
+    say_next("load it in a ground station", "rover-sweep firmware check --connect URL")
 
 
 @firmware.command(short_help="Check a rover's applet and parameters; changes nothing.")
@@ -56,7 +56,7 @@ def check(name: str = _NAME, rover: LinkOptions = LINK) -> int:
     with rover.link() as link:
         found = survey(link, read(shipped(name)))
     _show(found)
-    next_step(f"rover-sweep {'preflight' if found.fits else 'firmware install'} --connect {rover.connect}")
+    say_next(f"rover-sweep {'preflight' if found.fits else 'firmware install'} --connect {rover.connect}")
     return 0 if found.fits else 1
 
 
@@ -82,7 +82,7 @@ def install(
         found = survey(link, wanted)
         _show(found, whole=False)
         if found.fits:
-            next_step(f"rover-sweep preflight --connect {rover.connect}")
+            say_next(f"rover-sweep preflight --connect {rover.connect}")
             return 0
         if not yes and not confirmed(f"Install on {found.vehicle.firmware}?"):
             return 1
@@ -92,7 +92,7 @@ def install(
             display.show(event)
         found = survey(link, wanted)
     _show(found, whole=False)
-    next_step(f"rover-sweep preflight --connect {rover.connect}")
+    say_next(f"rover-sweep preflight --connect {rover.connect}")
     return 0 if found.fits else 1
 
 

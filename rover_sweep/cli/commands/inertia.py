@@ -23,7 +23,7 @@ from rover_sweep.bench.swing_test import (
 )
 from rover_sweep.cli.options import FILE, NumberRange, measured_type, numbers_type, option, options
 from rover_sweep.cli.views.display import bullet
-from rover_sweep.cli.views.output import echo, echo_json, next_step
+from rover_sweep.cli.views.output import echo, echo_json, say_next
 from rover_sweep.data.plausibility import ROLL_GYRATION, YAW_GYRATION
 from rover_sweep.data.vehicle_file import Measured, Vehicle, load, set_numbers
 from rover_sweep.errors import DataRefused, UsageError
@@ -119,7 +119,7 @@ def inertia(
         key = KEY[axis].partition(".")[2]
         echo(f"{key} = {rounded(result.moment)} kg m^2 written into {write}", err=True)
     if not as_json:
-        next_step(f"rover-sweep vehicle check {write}" if write else "give --write rover.toml to keep it")
+        say_next(f"rover-sweep vehicle check {write}" if write else "give --write rover.toml to keep it")
 
 
 def _against(axis: Axis, hung: Measured, rover: Vehicle | None) -> list[str]:

@@ -24,7 +24,7 @@ from rover_sweep.cli.options import (
     vehicle_path,
 )
 from rover_sweep.cli.vehicle_link import ACCESS, MAYBE_CONNECT
-from rover_sweep.cli.views.output import echo_json, next_step
+from rover_sweep.cli.views.output import echo_json, say_next
 from rover_sweep.errors import UsageError
 
 if TYPE_CHECKING:
@@ -221,7 +221,7 @@ def plan(
     console.print(on_terminal(plan_report(found)), width=min(console.width, WIDTH))
     to_drive = [_option(run) for run in found.proposal or found.runs if run.kind in _DRIVEN]
     if to_drive:
-        next_step(f"rover-sweep run --connect URL --vehicle rover.toml {' '.join(to_drive)}, at these speeds")
+        say_next(f"rover-sweep run --connect URL --vehicle rover.toml {' '.join(to_drive)}, at these speeds")
 
 
 _DRIVEN = ("sweep", "doublet", "bias_sweep", "multisine")

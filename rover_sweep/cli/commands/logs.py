@@ -20,7 +20,7 @@ from rover_sweep.cli.options import (
     refuse_input,
 )
 from rover_sweep.cli.vehicle_link import JSON_ALONE, LINK, VIA, LinkOptions
-from rover_sweep.cli.views.output import echo, echo_json, next_step, results
+from rover_sweep.cli.views.output import echo, echo_json, results, say_next
 from rover_sweep.errors import UsageError
 
 if TYPE_CHECKING:
@@ -53,7 +53,7 @@ def list_(rover: LinkOptions = LINK, as_json: bool = JSON_ALONE, via: Via = VIA)
         when = began if entry.time_utc else "-"  # began before GPS time was available
         console.print(f"{entry.number:5}  {entry.size / 1e6:9.2f} MB  {when}")
     if entries:
-        next_step(f"rover-sweep logs fetch {entries[-1].number} --connect {rover.connect}")
+        say_next(f"rover-sweep logs fetch {entries[-1].number} --connect {rover.connect}")
 
 
 @logs.command(short_help="Download logs: a number, latest or all.")
@@ -89,7 +89,7 @@ def fetch(
     if as_json:
         echo_json(json.dumps({"logs": [_file_document(f) for f in fetched]}, indent=2))
     elif fetched:
-        next_step(f"rover-sweep identify {fetched[-1].path} --vehicle rover.toml")
+        say_next(f"rover-sweep identify {fetched[-1].path} --vehicle rover.toml")
 
 
 def _sentence(f: FetchedFile) -> str:
@@ -138,7 +138,7 @@ def view(
     ]
     path = write_file(page, log_page(Path(log).name, channels))
     results().print(f"page: {path}", soft_wrap=True)
-    next_step("open it in a browser", f"rover-sweep coherence {log}")
+    say_next("open it in a browser", f"rover-sweep coherence {log}")
 
 
 def _steering(unit: str, place: int) -> str:

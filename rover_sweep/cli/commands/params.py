@@ -13,7 +13,7 @@ import click
 from rover_sweep.cli.options import SESSION, argument, option, options, refuse_no_folder, write_text
 from rover_sweep.cli.vehicle_link import JSON_ALONE, LINK, VIA, LinkOptions
 from rover_sweep.cli.views.asking import confirmed, reboot_consent, refuse_unasked
-from rover_sweep.cli.views.output import echo, echo_json, narration, next_step, print_table, results
+from rover_sweep.cli.views.output import echo, echo_json, narration, print_table, results, say_next
 from rover_sweep.errors import UsageError
 
 if TYPE_CHECKING:
@@ -49,7 +49,7 @@ def diff(file: str = _FILE, rover: LinkOptions = LINK, as_json: bool = JSON_ALON
         echo_json(json.dumps({"file": file, "differences": [_document(d) for d in found]}, indent=2))
     else:
         _show(found, file)
-        next_step(f"rover-sweep {f'params push {file}' if found else 'preflight'} --connect {rover.connect}")
+        say_next(f"rover-sweep {f'params push {file}' if found else 'preflight'} --connect {rover.connect}")
     return 1 if found else 0
 
 
@@ -90,7 +90,7 @@ def push(
             was_set += [event] if isinstance(event, ParameterSet) else []
         left, due = _differences(link, wanted, via) if found else [], awaiting_reboot(link, _NOTES)
     if not as_json:
-        next_step(f"rover-sweep {'params diff ' + file if left else 'preflight'} --connect {rover.connect}")
+        say_next(f"rover-sweep {'params diff ' + file if left else 'preflight'} --connect {rover.connect}")
     if as_json:
         document = {
             "file": file,
@@ -129,7 +129,7 @@ def pull(
         ]
         write_text(file, "\n".join([f"# {summary} ({vehicle.git_hash})", *lines, ""]), summary)
         if file != "-":
-            next_step(f"rover-sweep params diff {file} --connect {rover.connect}, after a change")
+            say_next(f"rover-sweep params diff {file} --connect {rover.connect}, after a change")
     if as_json:
         echo_json(json.dumps({"firmware": vehicle.firmware, "parameters": values}, indent=2))
 
@@ -217,7 +217,7 @@ def status(
     left = ", ".join(f"{run.name} ({_describe(run.manoeuvre)})" for run in content.to_drive)
     remaining = f"still to drive: {left}" if left else "no runs remain"
     console.print(remaining, soft_wrap=True)
-    next_step(f"rover-sweep resume {folder} --connect URL" if left else f"rover-sweep identify {folder}")
+    say_next(f"rover-sweep resume {folder} --connect URL" if left else f"rover-sweep identify {folder}")
 
 
 def _verdict(run: DrivenRun) -> str:

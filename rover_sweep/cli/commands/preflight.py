@@ -12,7 +12,7 @@ import click
 from rover_sweep.cli.options import FOLDER, POSITIVE, option, options
 from rover_sweep.cli.vehicle_link import JSON_ALONE, LINK, LinkOptions
 from rover_sweep.cli.views.asking import confirmed, refuse_unasked
-from rover_sweep.cli.views.output import echo_json, narration, next_step, results
+from rover_sweep.cli.views.output import echo_json, narration, results, say_next
 from rover_sweep.errors import UsageError
 
 if TYPE_CHECKING:
@@ -80,11 +80,11 @@ def _go_on(checks: Sequence[Check], url: str) -> None:
     bad = [check for check in checks if check.state == "bad"]
     fixed = [check.name for check in bad if check.remedy is not None and not check.remedy.by_hand]
     if fixed:
-        next_step(f"rover-sweep preflight --connect {url} --fix {fixed[0]}")
+        say_next(f"rover-sweep preflight --connect {url} --fix {fixed[0]}")
     elif bad:
-        next_step("mend what is marked bad", f"rover-sweep preflight --connect {url}")
+        say_next("mend what is marked bad", f"rover-sweep preflight --connect {url}")
     else:
-        next_step(f"rover-sweep run --connect {url} --vehicle rover.toml --out today")
+        say_next(f"rover-sweep run --connect {url} --vehicle rover.toml --out today")
 
 
 def _show(checks: Sequence[Check]) -> None:

@@ -15,7 +15,7 @@ import click
 
 from rover_sweep.cli.driving_options import SIMULATION, SimulationOptions
 from rover_sweep.cli.options import FILE, POSITIVE, NumberRange, argument, option, options
-from rover_sweep.cli.views.output import next_step
+from rover_sweep.cli.views.output import say_next
 from rover_sweep.errors import UsageError
 
 if TYPE_CHECKING:
@@ -94,7 +94,7 @@ def redrive(
             soft_wrap=True,
         )
     shown.print(f"{target}: {len(simulated)} run{'s' if len(simulated) != 1 else ''}", soft_wrap=True)
-    next_step(f"rover-sweep diagnose {log} --simulation {target} --vehicle {vehicle or 'rover.toml'}")
+    say_next(f"rover-sweep diagnose {log} --simulation {target} --vehicle {vehicle or 'rover.toml'}")
 
 
 @contextmanager

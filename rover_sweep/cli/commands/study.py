@@ -23,7 +23,7 @@ def study(
     published ones and comments on each finding. No hardware; about half a minute.
     """
     from rover_sweep.cli.views.asking import long_work
-    from rover_sweep.cli.views.output import echo_json, next_step, results
+    from rover_sweep.cli.views.output import echo_json, results, say_next
     from rover_sweep.report.on_terminal import on_terminal
     from rover_sweep.study.study_folder import all_findings, study_report, write_study
     from rover_sweep.study.virtual_study import study as run
@@ -38,6 +38,6 @@ def study(
         )
     console.print(on_terminal(study_report(result, found), answer_last=True))
     console.print(f"study: {page}", soft_wrap=True)
-    next_step("rover-sweep dry-run")
+    say_next("rover-sweep dry-run")
     if as_json:
         echo_json(document.read_text(encoding="utf-8"))

@@ -10,7 +10,7 @@ from typing import get_args
 import click
 
 from rover_sweep.cli.options import FILE, argument, option, options
-from rover_sweep.cli.views.output import echo, echo_json, next_step, print_table, results
+from rover_sweep.cli.views.output import echo, echo_json, print_table, results, say_next
 from rover_sweep.data.plausibility import implausible
 from rover_sweep.data.vehicle_file import Measured, Model, Vehicle, example, load
 from rover_sweep.data.vehicle_geometry import SIZED, geometry_of, with_uncertainties
@@ -38,7 +38,7 @@ def vehicle(ctx: click.Context, show_example: bool) -> None:
     """
     if show_example:
         echo(example(), nl=False)
-        next_step("weigh, measure and edit it in a file", "rover-sweep vehicle check rover.toml")
+        say_next("weigh, measure and edit it in a file", "rover-sweep vehicle check rover.toml")
         ctx.exit()
     if ctx.invoked_subcommand is None:
         echo(ctx.get_help())
@@ -95,7 +95,7 @@ def _show(found: Vehicle, file: str) -> None:
     if found.imu_position is None:
         words = "the IMU is assumed at the CG; if it is elsewhere, a_y has an error"
         console.print(f"no [imu] position: {words}")
-    next_step(f"rover-sweep design --vehicle {file} --speed 2", "rover-sweep preflight --connect URL")
+    say_next(f"rover-sweep design --vehicle {file} --speed 2", "rover-sweep preflight --connect URL")
 
 
 def _source(number: Measured | None) -> str:

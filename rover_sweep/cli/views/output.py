@@ -26,7 +26,7 @@ def echo(text: str = "", err: bool = False, nl: bool = True) -> None:
     click.echo(printable_lines(text), err=err, nl=nl)
 
 
-def next_step(*steps: str) -> None:
+def say_next(*steps: str) -> None:
     """Print on stderr how the user goes on: commands, or what to do by hand."""
     echo(f"next: {'; '.join(steps)}", err=True)
 
