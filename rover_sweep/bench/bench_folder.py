@@ -210,11 +210,6 @@ def bent(result: BenchResult) -> bool:
     return result.get("centre") is not None and any(n is not None and not _holds_0(n) for n in found)
 
 
-def slope_of(result: BenchResult) -> Number | None:
-    """rad_per_us: the mean slope, or the slope at the centre if a curve was found."""
-    return result.get("centre" if bent(result) else "rad_per_us")
-
-
 def numbers_for_file(result: BenchResult) -> dict[str, Measured]:
     """{key of the vehicle file: number}; without undetermined numbers and without an uncertain slope.
 
@@ -223,7 +218,7 @@ def numbers_for_file(result: BenchResult) -> dict[str, Measured]:
     fitted to the same angles, so they are written together or not at all.
     """
     out, together = {}, CURVE if bent(result) else ()
-    slope = slope_of(result)
+    slope = result.get("centre" if bent(result) else "rad_per_us")
     if slope is not None and slope.determined and slope.sd < LEAST_SURE * abs(slope.value):
         out["steering.rad_per_us"] = rounded(Measured(slope.value, slope.sd))
     for number in result.numbers:

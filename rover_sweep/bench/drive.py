@@ -240,7 +240,8 @@ def drive_bench(
     with ExitStack() as stack:
         link = stack.enter_context(Link.open(url, folder.path / TELEMETRY, access=access))
         vehicle = identify_vehicle(link)
-        output = _look(link)
+        have = read_present(link, NAMES)
+        output = steering_output(have | read_present(link, names_of(have)))
         _refuse(plan, output, url)
         for stream in _streams(link):
             if stream.hz == 0:
@@ -272,11 +273,6 @@ def drive_bench(
             _copy(plan.wheel, folder)
             folder.describe(_content(url, vehicle, output, plan, done))
     return len(done) == len(plan.movements)
-
-
-def _look(link: Link) -> SteeringOutput:
-    have = read_present(link, NAMES)
-    return steering_output(have | read_present(link, names_of(have)))
 
 
 def _loop_rate(link: Link) -> float:

@@ -8,7 +8,7 @@ from firmware_params.applet_parameters import PARAMETERS
 from rover_sweep.errors import LinkError
 from rover_sweep.files.documents import printable
 from rover_sweep.vehicle.link.link import Link
-from rover_sweep.vehicle.link.mavlink import Message, constant, vehicle_type_name
+from rover_sweep.vehicle.link.mavlink import constant, vehicle_type_name
 from rover_sweep.vehicle.parameters import ParameterMissing, read_parameter, read_present
 
 OLDEST = (4, 5)  # the applet is written for ArduRover 4.5 and 4.6
@@ -57,7 +57,7 @@ def identify_vehicle(link: Link) -> VehicleIdentity:
     return VehicleIdentity(
         firmware=f"ArduRover {'.'.join(map(str, version))}",
         version=version,
-        git_hash=_hash(answer),
+        git_hash=printable(bytes(answer.flight_custom_version).rstrip(b"\0").decode("ascii", "replace")),
         uid=int(answer.uid),
         system=link.target[0],
     )
@@ -111,10 +111,6 @@ def _no_applet(link: Link) -> LinkError:
 
 def _version(packed: int) -> tuple[int, int, int]:
     return packed >> 24 & 0xFF, packed >> 16 & 0xFF, packed >> 8 & 0xFF
-
-
-def _hash(answer: Message) -> str:
-    return printable(bytes(answer.flight_custom_version).rstrip(b"\0").decode("ascii", "replace"))
 
 
 # Names of ArduRover's modes (Rover/mode.h, Mode::Number, 4.5 and 4.6).

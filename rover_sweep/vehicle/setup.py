@@ -84,11 +84,6 @@ def upload(link: Link, applet: Path, progress: Callable[[float], None] | None = 
     )
 
 
-def restart_scripts(link: Link) -> None:
-    """Stop and start all scripts (MAV_CMD_SCRIPTING); Refused if scripting is off (SCR_ENABLE 0)."""
-    link.require("restart its scripts", "MAV_CMD_SCRIPTING", _RESTART)
-
-
 def reboot(link: Link) -> None:
     """Reboot the vehicle and wait until it is back. LinkError while armed or when it does not return."""
     if link.armed:
@@ -255,8 +250,8 @@ def copied_applet(link: Link, applet: Path) -> Generator[Event, None, str]:
     """Copy the applet and start it; returns the name of what waits for a reboot, '' if the applet runs."""
     yield Notice("info", f"the applet was copied to {upload(link, applet)}")
     try:
-        restart_scripts(link)
-    except Refused:
+        link.require("restart its scripts", "MAV_CMD_SCRIPTING", _RESTART)
+    except Refused:  # scripting is off
         return "SCR_ENABLE"
     return "" if await_applet(link) else applet.name
 

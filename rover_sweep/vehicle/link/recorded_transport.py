@@ -16,6 +16,7 @@ from typing import Any
 
 from rover_sweep._version import __version__
 from rover_sweep.errors import LinkError, UsageError
+from rover_sweep.files.replaced import numbered
 from rover_sweep.vehicle.link.transport import Line, LiveLine, Transport
 
 # A recorded conversation with a vehicle: everything sent and received, in order, with times.
@@ -146,10 +147,7 @@ def writing(path: Path) -> Iterator[None]:
 
 def conversation_in(folder: Path) -> Path:
     """A path for a new conversation in a session's folder; never an existing file."""
-    path, number = folder / "session.conversation", 2
-    while path.exists():
-        path, number = folder / f"session-{number}.conversation", number + 1
-    return path
+    return next(path for path in numbered(folder / "session.conversation") if not path.exists())
 
 
 class RecordedLine:

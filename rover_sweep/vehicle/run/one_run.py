@@ -16,7 +16,7 @@ starts only one run for each new value of SWP_GO, which is written before each r
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Generator, Iterator, Mapping
+from collections.abc import Generator, Iterator, Mapping
 from pathlib import Path
 
 from firmware_params.applet_parameters import STATES, SWITCH_LOW
@@ -25,7 +25,6 @@ from rover_sweep.manoeuvre.sweep import Manoeuvre, parameters_of
 from rover_sweep.vehicle.events import Armed, Event, Notice, RunFinished, RunStarted, SwitchWanted
 from rover_sweep.vehicle.link.inbox import BadLink
 from rover_sweep.vehicle.link.link import Link, Refused
-from rover_sweep.vehicle.link.mavlink import Message
 from rover_sweep.vehicle.link.streams import StreamMonitor
 from rover_sweep.vehicle.parameters import (
     RADIO_MISSED,
@@ -214,7 +213,7 @@ def one_run(
     ours = overridden(channels, settings.trigger, drives)
     lapse = Lapse(link, present, began if ours else None)
     limit = manoeuvre.duration + 2 * present.get("SWP_STILL", 0.0) + settings.patience + _START_LIMIT
-    with link.listening(_into(follower, link), follower.text):
+    with link.listening(lambda message: follower.message(message, link.clock.now), follower.text):
         if link.line.monotonic() - asked > _ASKED:  # the user was asked, perhaps for minutes
             catch_up(link)
         right = RightToMove(link.line, link.clock, _limits(manoeuvre, present, drives, ours))
@@ -246,10 +245,6 @@ def one_run(
     )
     yield finished
     return finished
-
-
-def _into(follower: Follower, link: Link) -> Callable[[Message], None]:
-    return lambda message: follower.message(message, link.clock.now)
 
 
 def _limits(
