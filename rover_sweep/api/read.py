@@ -475,7 +475,8 @@ def with_delta(run: Recording, vehicle: Vehicle, servo: bool = False) -> Recordi
     if servo:
         if "servo" not in run:
             raise DataRefused(
-                f"{run.name} holds no servo telemetry (CSRV) that follows the steering: omit --servo"
+                f"{run.name} holds no servo telemetry (CSRV) that follows the steering; "
+                "omit --servo-telemetry"
             )
         run = steered(run, *vehicle.steering(), "servo")
     if "delta" not in run:

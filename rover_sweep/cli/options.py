@@ -245,14 +245,16 @@ def _reading(
     accel_filter: float | None = option(
         "INS_ACCEL_FILTER during the drive, if the log lacks it (0: off).", NumberRange(0), "HZ"
     ),
-    servo: bool = option(
+    servo_telemetry: bool = option(
         "Take the measured position of the servo (CSRV) as the steering: the rover without its servo."
     ),
 ) -> Reading:
     from rover_sweep.api.read import Reading
 
     filters = {"gyro_hz": gyro_filter, "accel_hz": accel_filter}
-    return Reading(columns, {k: v for k, v in filters.items() if v is not None} or None, system, servo)
+    return Reading(
+        columns, {k: v for k, v in filters.items() if v is not None} or None, system, servo_telemetry
+    )
 
 
 READING = gathered(_reading)

@@ -209,7 +209,9 @@ def _doubts(
 ) -> tuple[str, ...]:
     """Why a model of an identification.json may set no gains."""
     measured = run["channels"].get("delta", {}).get("source", "").startswith("CSRV")
-    servo = ("the model begins at the measured servo, without its lag: identify without --servo",) * measured
+    servo = (
+        "the model begins at the measured servo, without its lag: identify without --servo-telemetry",
+    ) * measured
     tested = [(str(v["run"]), float(v["j_rms"]), float(v["tic"])) for v in model["verification_runs"]]
     free = {n: float(p["value"]) for n, p in parameters.items() if p["free"] and p["value"] is not None}
     return (*not_predicted(tested), *absurd(geometry, free), *servo)

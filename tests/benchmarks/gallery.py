@@ -1,6 +1,6 @@
 """Public recordings through `rs.identify_driving`, beside a fit that shares no code with it.
 
-    python -m tests.benchmarks.gallery CHECKOUTS CARS   # the table of docs/gallery.md
+    python -m tests.benchmarks.gallery CHECKOUTS CARS   # the rows of docs/gallery.md
 
 CHECKOUTS: a folder with clones of the repositories of SETS, by their names; CARS: the folder with the
 prepared tables umich_*.csv and dart_*.csv (see tests/data/cars). Neither is part of this repository.
@@ -26,17 +26,6 @@ MAPS = Path(__file__).parents[1] / "data/cars"
 
 CHANNELS = {"time": "t", "delta": "delta", "r": "r", "speed": "v", "runs": "whole"}
 STEP = 0.02  # s
-HEAD = """# Gallery: other people's recordings
-
-Public recordings that nobody made for this tool, through `rs.identify_driving` ([any
-driving](any-driving.md)), beside a plain least-squares search for gain, delay and lag that shares no code with
-it. "Gain" is speed times recorded steering angle over yaw rate, the true wheelbase if the recorded angle is the
-wheels'; of a steering in us, the curvature for each 100 us. Written by `tests/benchmarks/gallery.py`; the
-recordings are not part of this repository.
-
-| recording | what is known | answer | gain: tool | other fit | response time, s: tool | other fit |
-|---|---|---|---|---|---|---|
-"""
 
 
 @dataclass(frozen=True)
@@ -145,9 +134,8 @@ def rows(sets: tuple[Set, ...], folder: Path) -> Iterator[str]:
 
 
 def main() -> None:
-    """Writes the page to stdout."""
+    """Writes the rows of the page to stdout."""
     checkouts, cars = (Path(word) for word in sys.argv[1:3])
-    print(HEAD, end="")
     for sets, folder in ((SETS, checkouts), (CARS, cars)):
         for row in rows(sets, folder):
             print(row, flush=True)

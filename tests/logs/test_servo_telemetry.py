@@ -70,7 +70,7 @@ def test_the_rover_without_its_servo_has_no_delay_and_no_gains(tmp_path: Path):
         document = identification_document(result, result.origin)
         found[servo] = document["models"]["bicycle"]["parameters"]["tau"]["value"]
         doubts = from_identification(document, "bicycle").doubts
-        assert servo == any("identify without --servo" in doubt for doubt in doubts)
+        assert servo == any("identify without --servo-telemetry" in doubt for doubt in doubts)
     assert found[False] - found[True] == pytest.approx(LAG + DELAY, abs=0.012)
     assert found[True] < 0.015
 
@@ -78,5 +78,5 @@ def test_the_rover_without_its_servo_has_no_delay_and_no_gains(tmp_path: Path):
 def test_telemetry_of_another_servo_is_not_used(tmp_path: Path):
     path = with_telemetry(tmp_path / "run.BIN", 0, follows=False)
     assert "servo" not in rs.read(path, vehicle=DATA / "rover.toml")[0]
-    with pytest.raises(rs.DataRefused, match="no servo telemetry .* omit --servo"):
+    with pytest.raises(rs.DataRefused, match="no servo telemetry .* omit --servo-telemetry"):
         rs.read(path, vehicle=DATA / "rover.toml", servo=True)
