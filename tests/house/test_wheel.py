@@ -22,7 +22,7 @@ PACKAGES = ("rover_sweep", "firmware_params", "sitl")
 def wheel(tmp_path_factory: pytest.TempPathFactory) -> zipfile.ZipFile:
     pytest.importorskip("hatchling")
     out = tmp_path_factory.mktemp("dist")
-    call = [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(out)]
+    call = [sys.executable, "-m", "hatchling", "build", "-t", "sdist", "-t", "wheel", "-d", str(out)]
     done = subprocess.run(call, cwd=ROOT, capture_output=True, text=True)
     assert done.returncode == 0, done.stdout + done.stderr
     (path,) = out.glob("*.whl")
@@ -44,7 +44,9 @@ def test_its_metadata_are_those_of_an_index(wheel: zipfile.ZipFile) -> None:
     assert (metadata["Version"], metadata["License-Expression"]) == (__version__, "MIT")
     assert metadata["Description-Content-Type"] == "text/markdown"
     pytest.importorskip("twine")
-    call = [sys.executable, "-m", "twine", "check", "--strict", str(wheel.filename)]
+    built = [str(path) for path in Path(str(wheel.filename)).parent.iterdir()]
+    assert len(built) == 2  # the wheel and the sdist
+    call = [sys.executable, "-m", "twine", "check", "--strict", *built]
     done = subprocess.run(call, capture_output=True, text=True)
     assert done.returncode == 0, done.stdout + done.stderr
 
