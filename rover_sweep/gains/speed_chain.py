@@ -28,15 +28,13 @@ from rover_sweep.data.recording import Array
 from rover_sweep.gains.controller import RatePid, feedback_response
 from rover_sweep.gains.steering_chain import Gains
 from rover_sweep.gains.tuning import (
-    GAIN_MARGIN_DB,
     MOST_I,
     MOST_OVERSHOOT,
     MOST_P,
-    PHASE_MARGIN_DEG,
     Margins,
-    all_margins,
     frequencies,
     margins,
+    robust,
     rounded_down,
 )
 
@@ -446,7 +444,10 @@ def design_speed(loop: SpeedLoop, found: IdentifiedSpeed) -> SpeedSettings | Non
     p, i = (grid.ravel() for grid in np.meshgrid(_P, _I))
     offered = (p * found.residual <= MOST_NOISE) & (p <= SLOWEST_INTEGRAL * plant.lag * i)
     p, i = p[offered], i[offered]
-    keeps = _robust(loop, found, p, i)
+    w = frequencies(loop.period)
+    paths = (each.response(w, loop.period) * (1.0 - loop.least) for each in found.family())
+    coherent = found.band[1] if found.band is not None else np.inf
+    keeps = robust(paths, loop.filters, loop.period, p, i, coherent)
     p, i = p[keeps], i[keeps]
     if p.size == 0:
         return None
@@ -462,20 +463,3 @@ def design_speed(loop: SpeedLoop, found: IdentifiedSpeed) -> SpeedSettings | Non
     sagging = np.sqrt(np.mean((level[:, None] - pushed.speed) ** 2, axis=0))
     best = int(np.argmin(tracking + sagging))
     return replace(settings, p=rounded_down(p[best]), i=rounded_down(i[best]))
-
-
-def _robust(loop: SpeedLoop, found: IdentifiedSpeed, p: Array, i: Array) -> np.ndarray:
-    """Mask (n,) of the pairs that keep both margins for the whole family, with a coherent crossover."""
-    keeps = np.ones(p.size, dtype=bool)
-    w = frequencies(loop.period)
-    for plant in found.family():
-        left = np.flatnonzero(keeps)
-        if left.size == 0:
-            break
-        feedback = feedback_response(loop.filters, p[left], i[left], loop.period, w)
-        response = plant.response(w, loop.period) * (1.0 - loop.least)
-        gain, phase, crossover, _ = all_margins(feedback * response, w)
-        keeps[left] = (gain >= GAIN_MARGIN_DB) & (phase >= PHASE_MARGIN_DEG)
-        if found.band is not None and plant == found.plant:
-            keeps[left] &= ~(crossover > found.band[1])
-    return keeps

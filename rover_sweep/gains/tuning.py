@@ -19,7 +19,7 @@ is therefore reduced by half of that, at most by a fifth: the integrator supplie
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -150,6 +150,11 @@ class Family:
         scale = self.autopilot.speed_scale
         return [(p, angle * scale(p.speed)) for p in self.plants for angle in self.angle_per_output]
 
+    def paths(self) -> Iterator[Complex]:
+        """Responses (n_w,) from output to turn rate [rad/s] of every member, at `frequencies`."""
+        w = frequencies(self.autopilot.period)
+        return (plant.response(w) * angle for plant, angle in self.loop_gains())
+
 
 def feed_forward(family: Family, plant: SampledPlant | None = None) -> float:
     """FF [1/(rad/s)]: output for a steady 1 rad/s at a plant's speed, default the design's."""
@@ -224,7 +229,7 @@ def _robust_pairs(family: Family, shared: Gains, most: Gains) -> tuple[Array, Ar
     offered_p = np.unique(np.minimum(_P_OF_FF * right, min(MOST_P, most.p)))
     offered_i = np.unique(np.minimum(_I_OF_FF * right, min(MOST_I, most.i)))
     p, i = (grid.ravel() for grid in np.meshgrid(offered_p, offered_i))
-    keeps = robust(family, shared, p, i)
+    keeps = robust(family.paths(), shared, family.autopilot.period, p, i)
     return p[keeps], i[keeps]
 
 
@@ -242,17 +247,24 @@ def why_none(family: Family, keep: Gains, most: Gains) -> str:
     )
 
 
-def robust(family: Family, shared: Gains, p: Array, i: Array) -> np.ndarray:
-    """Mask (n,) of the pairs of P and I that keep both margins for the whole family."""
+def robust(
+    paths: Iterable[Complex], shared: Gains, period: float, p: Array, i: Array, most_crossover: float = np.inf
+) -> np.ndarray:
+    """Mask (n,) of the pairs of P and I that keep both margins for a whole family.
+
+    paths: from controller to measurement, (n_w,) at `frequencies(period)`; most_crossover [rad/s]: of the
+    first of them, up to which it was measured.
+    """
     keeps = np.ones(p.size, dtype=bool)
-    w = frequencies(family.autopilot.period)
-    for plant, angle in family.loop_gains():
+    w = frequencies(period)
+    for path in paths:
         left = np.flatnonzero(keeps)
         if left.size == 0:
             break
-        feedback = feedback_response(shared, p[left], i[left], family.autopilot.period, w)
-        gain, phase, _, _ = all_margins(feedback * plant.response(w) * angle, w)
-        keeps[left] = (gain >= GAIN_MARGIN_DB) & (phase >= PHASE_MARGIN_DEG)
+        feedback = feedback_response(shared, p[left], i[left], period, w)
+        gain, phase, crossover, _ = all_margins(feedback * path, w)
+        keeps[left] = (gain >= GAIN_MARGIN_DB) & (phase >= PHASE_MARGIN_DEG) & ~(crossover > most_crossover)
+        most_crossover = np.inf
     return keeps
 
 

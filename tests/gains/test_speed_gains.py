@@ -153,7 +153,7 @@ def test_long_delay_leaves_the_cruise_alone() -> None:
 def test_parameter_file_has_a_reason_on_every_line() -> None:
     text = speed_text(propose_speed(FOUND, LOOP))
     lines = [line for line in text.splitlines() if line and not line.startswith("#")]
-    assert [line.split()[0] for line in lines] == [
+    assert [line.partition(",")[0] for line in lines] == [
         "CRUISE_SPEED",
         "CRUISE_THROTTLE",
         "ATC_SPEED_P",
