@@ -250,7 +250,7 @@ def speed_text(proposal: SpeedProposal) -> str:
     if proposal.throttle_min is not None:
         was = f"(was {100 * loop.least:g})"
         why = "dead zone of the motor controller; counts in all modes, MANUAL too"
-        lines.append(f"MOT_THR_MIN {proposal.throttle_min:g}  # {why} {was}")
+        lines.append(f"MOT_THR_MIN,{proposal.throttle_min:g}  # {why} {was}")
     margins, step = judged.margins, judged.step
     heading = (
         "Speed loop, from a throttle sweep. By the model: gain margin "

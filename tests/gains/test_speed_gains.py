@@ -163,7 +163,7 @@ def test_parameter_file_has_a_reason_on_every_line() -> None:
         "MOT_THR_MIN",
     ]
     assert all("  # " in line for line in lines)
-    assert lines[-1].startswith("MOT_THR_MIN 6 ")
+    assert lines[-1].startswith("MOT_THR_MIN,6 ")
 
 
 def test_impossible_parameters_are_named() -> None:
