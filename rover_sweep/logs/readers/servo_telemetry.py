@@ -11,7 +11,6 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from scipy.signal import lfilter
 
 from rover_sweep.data.recording import Array, Note, Signal
 from rover_sweep.logs.log import increasing
@@ -56,6 +55,8 @@ def servo_position(flash: DataFlash, output: int, command: Signal) -> tuple[Sign
 
 def _fitted(t: Array, x: Array, command: Signal) -> tuple[float, float, float, float, float]:
     """(explained share of the variance, scale, offset, lag [s], delay [s]) of positions x (n,) at t (n,)."""
+    from scipy.signal import lfilter  # slow to import, and most logs have no such telemetry
+
     every = max(t.size // MOST, 1)
     t, x = t[::every], x[::every]
     grid = np.arange(command.t[0], command.t[-1] + STEP, STEP)
