@@ -19,6 +19,7 @@ from rover_sweep.report.driving import driving_document, driving_report
 from rover_sweep.report.in_html import in_html
 
 DRIVING_FILE = "driving.json"
+WHEELBASES = 0.02, 20.0  # m
 
 
 @dataclass(frozen=True)
@@ -75,10 +76,16 @@ def identify_driving(
     """
     if not sources:
         raise UsageError("there is no log; give a .BIN, .tlog or .csv")
-    if wheelbase is not None and not wheelbase > 0:
-        raise UsageError(f"the wheelbase is {wheelbase}; give metres above 0")
+    low, high = WHEELBASES
+    known = isinstance(wheelbase, float | int) and not isinstance(wheelbase, bool)
+    if wheelbase is not None and not (known and low <= wheelbase <= high):
+        raise UsageError(f"the wheelbase is {wheelbase!r}; give metres, {low:g} to {high:g}")
     names = [fspath(source) for source in sources]
-    found = answer_from(list(_logs(names, columns, system)), wheelbase)
+    logs = list(_logs(names, columns, system))
+    files = [source for log in {log.sources: log for log in logs}.values() for source in log.sources]
+    if len(set(names)) < len(names) or len({sha for _, sha in files}) < len(files):
+        raise UsageError("the same log is given twice, which would make its numbers look more certain")
+    found = answer_from(logs, wheelbase)
     return DrivingIdentification(
         **{f.name: getattr(found, f.name) for f in fields(found)}, sources=tuple(Path(n).name for n in names)
     )

@@ -346,6 +346,8 @@ def load_result(path: Location) -> Result:
     """
     from rover_sweep.api.save import loads, text_of
 
+    if Path(path).is_dir():
+        raise UsageError(f"{path} is a folder; give the file that `result.save(FILE)` wrote")
     found = loads(text_of(Path(path)), str(path))
     if not isinstance(found, Result):
         raise UsageError(f"{path} holds a {type(found).__name__}, not the result of an identification")

@@ -102,7 +102,7 @@ def _logs(sources: Sequence[str]) -> list[Path]:
     for source in sources:
         place = Path(source).expanduser()
         if place.is_dir():
-            found |= dict.fromkeys(sorted(place.glob("*.BIN")))
+            found |= dict.fromkeys(sorted(path for path in place.glob("*.BIN") if path.is_file()))
             continue
         parts = [place] if place.is_file() else [Path(part).expanduser() for part in source.split("+")]
         found |= dict.fromkeys(p for p in parts if p.suffix.lower() == ".bin" and p.is_file())

@@ -22,6 +22,7 @@ GOOD, ROUGH = 0.9, 0.7  # shares of the yaw rate that the law must give in drivi
 LEAST_SECONDS = 8.0  # of usable driving
 SPEEDS_APART = 1.3  # ratio of the speeds in turns, from which they show what depends on speed
 HARD_TURN = 3.0  # m/s^2, at which the bend of the tyres is told
+EXTRAPOLATED = 1.5  # a characteristic or critical speed is told up to so many times the fastest turns
 KNOWN = 0.5  # of a value; a wider half interval makes it unknown
 SWEEP_US, SWEEP_SPEED, SWEEP_S = 120.0, 2.0, 60.0
 SWEPT_HZ = 0.1, 3.0
@@ -174,6 +175,13 @@ def _numbers(
         "delay and lag together",
         0.0,
     )
+    late = out[-1]
+    if late.low is not None and late.high is not None and late.high - late.low > 2 * KNOWN * late.value:
+        del out[-3:]
+        ends = f"{1000 * late.low:.0f} to {1000 * late.high:.0f} ms"
+        unknown.append(
+            f"How late the turn follows: only {ends} is certain. Steer left and right more quickly"
+        )
     if "understeer" in fit.held:
         unknown.append(
             f"Under- or oversteer: all turns were driven at {speeds[0]:.1f} to {speeds[2]:.1f} m/s. Drive "
@@ -198,12 +206,12 @@ def _numbers(
                 {"understeer": 1.0},
                 "K_us over the wheelbase, above 0: understeer",
             )
-        if low > 0 or high < 0:
+        if (low > 0 or high < 0) and speeds[2] > abs(fit["understeer"]) ** -0.5 / EXTRAPOLATED:
             k = fit["understeer"]
             name = "characteristic_speed" if k > 0 else "critical_speed"
             words = "highest yaw rate for the steering" if k > 0 else "unstable beyond"
             add(name, "m/s", 1 / sqrt(abs(k)), {"understeer": 0.5 * abs(k) ** -1.5}, words, 0.0)
-    bend = fit["bend"] * HARD_TURN**2
+    bend = round(fit["bend"] * HARD_TURN**2, 4)
     low, high = fit.interval({"bend": 100 * HARD_TURN**2}, 100 * bend)
     if high < 50:
         out.append(

@@ -36,7 +36,7 @@ from rover_sweep.gains.tuning import (
 Level = Literal["gains", "feed-forward only", "none"]
 LEAST_CROSSOVER = 0.5  # rad/s: a slower loop needs more than 2 s to correct an error; a pilot is faster
 SLOW_GYRO_HZ = 10.0  # below this the filter's lag exceeds 22 ms, as much as a servo's
-SLOWER = (0.9, 0.8, 0.7, 0.6, 0.5)  # of the design speed, where gains are looked for if it has none
+OTHER_SPEEDS = (0.9, 1.1, 0.8, 1.2, 0.7, 0.6, 0.5)  # shares of the design speed, tried if it has no gains
 FULL_TRAVEL = 0.98  # of the servo's travel: a run with this amplitude reached the stops
 
 
@@ -316,13 +316,13 @@ def _step(support: Support, family: Family, designed: AssessedGains) -> tuple[Su
 
 
 def _why_no_gains(found: Identified, family: Family, speed: float) -> str:
-    """Which requirement fails at this speed [m/s], and the next lower speed at which gains exist."""
+    """Which requirement fails at this speed [m/s], and the next speed at which gains exist."""
     now = family.autopilot.gains
     why = why_none(family, now, unbounded(now))
-    for share in SLOWER:
-        slower = math.floor(10.0 * share * speed) / 10.0
-        if slower > 0 and design_gains(family_of(found, family.autopilot, slower), now, unbounded(now)):
-            return f"{why}; at {slower:g} m/s there are such gains (--speed {slower:g})"
+    for share in OTHER_SPEEDS:
+        other = round(share * speed, 1)
+        if other > 0 and design_gains(family_of(found, family.autopilot, other), now, unbounded(now)):
+            return f"{why}; at {other:g} m/s there are such gains (--speed {other:g})"
     return why
 
 

@@ -86,12 +86,16 @@ def _first(answer: DrivingAnswer) -> str:
     found = answer.numbers
     if answer.level == "none":
         return "This driving does not show how the rover steers."
-    late = f"{number(1000 * found['response_time'].value, 2)} ms after the steering"
+    late = ""
+    if "response_time" in found:
+        late = (
+            f", and the turn follows {number(1000 * found['response_time'].value, 3)} ms after the steering"
+        )
     if "curvature" in found:
         per = number(found["curvature"].value, 3)
-        return f"The path curves by {per} 1/m for each 100 us of steering, and the turn follows {late}."
+        return f"The path curves by {per} 1/m for each 100 us of steering{late}."
     seen = number(found["wheelbase_seen"].value, 3)
-    return f"The rover turns as one of {seen} m wheelbase would for the recorded angle, and follows {late}."
+    return f"The rover turns as one of {seen} m wheelbase would for the recorded angle{late}."
 
 
 def _numbers(answer: DrivingAnswer) -> Table | None:
@@ -119,13 +123,13 @@ def _remarks(answer: DrivingAnswer) -> Iterator[str]:
         yield f"Unknown: {words[0].lower()}{words[1:]}"
     better = []
     for name, half in answer.after_sweep:
-        q = found[name]
-        if q.low is not None and q.high is not None and half < WORTH * (q.high - q.low) / 2:
-            better.append(f"{name.replace('_', ' ')} to {100 * 2 * half / (q.high - q.low):.0f} %")
+        q = next((q for q in found if q.name == name), None)
+        if q is not None and q.low is not None and q.high is not None and half < WORTH * (q.high - q.low) / 2:
+            better.append(f"{name.replace('_', ' ')} (by {100 - 200 * half / (q.high - q.low):.0f} %)")
     if better:
         yield (
-            f"A sweep of {SWEEP_US:.0f} us at {SWEEP_SPEED:g} m/s for {SWEEP_S:.0f} s would narrow the "
-            f"intervals: {', '.join(better)} of their width"
+            f"A sweep of {SWEEP_US:.0f} us at {SWEEP_SPEED:g} m/s for {SWEEP_S:.0f} s would make these "
+            f"intervals narrower: {', '.join(better)}"
         )
 
 

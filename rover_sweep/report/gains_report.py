@@ -99,7 +99,7 @@ def gains_table(proposal: Proposal, limits: SteeringLimits | None) -> Table:
     worst = proposal.proposed or proposal.now
     assert worst is not None
     note = (
-        "Worst margins within the 90 % intervals of the parameters and the valid speeds; gain margin at "
+        "Worst margins within the 90 % intervals of the model's fit and the valid speeds; gain margin at "
         f"{worst.worst_gain[1]}, phase margin at {worst.worst_phase[1]}. "
         "Steps include the firmware's limits on the target."
     )

@@ -151,3 +151,33 @@ def test_a_damaged_record_gives_an_answer_or_a_sentence(driven, seed):
     assert bool(answer.numbers) != bool(answer.level == "none")
     if answer.level == "good":
         assert answer.numbers["curvature"].low * 0.9 < CURVATURE < answer.numbers["curvature"].high * 1.1
+
+
+@pytest.mark.parametrize("wheelbase", [0, -1, float("nan"), float("inf"), 391, True, "0.4"])
+def test_a_wheelbase_that_is_none_is_refused(driven, wheelbase):
+    with pytest.raises(rs.UsageError, match="give metres, 0.02 to 20"):
+        rs.identify_driving(driven[0], wheelbase=wheelbase)
+
+
+def test_the_same_log_twice_is_refused(driven, tmp_path):
+    copy = tmp_path / "copy.BIN"
+    copy.write_bytes(driven[0].read_bytes())
+    for again in (driven[0], copy):
+        with pytest.raises(rs.UsageError, match="given twice"):
+            rs.identify_driving(driven[0], again)
+
+
+def test_how_late_is_not_told_where_it_is_not_known(driven):
+    """Steering that changes once in 40 s says how far, not how late."""
+
+    def seldom(log):
+        s = log.steering[0]
+        few = np.where((s.t // 20) % 2 == 0, 1450.0, 1550.0)
+        rate = np.interp(log.signals["r"].t, s.t, -1e-3 * (few - 1500) * 4)
+        still = with_signal(with_steering(log, lambda t, u: few), "speed", lambda t, v: 0 * v + 2.0)
+        rng = np.random.default_rng(3)
+        return with_signal(still, "r", lambda t, r: rate + rng.normal(0, 0.15, t.size))
+
+    answer = answer_from(changed(driven[0], seldom))
+    assert "curvature" in answer.numbers and "response_time" not in answer.numbers
+    assert any(words.startswith("How late the turn follows") for words in answer.unknown)

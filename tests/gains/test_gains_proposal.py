@@ -281,9 +281,9 @@ def test_the_requirement_that_no_gains_meet_is_named(proposal: Proposal, monkeyp
         assert why_none(family, LOOP.gains, most).startswith("no P and I keep 90 dB")
 
 
-def test_a_lower_speed_at_which_gains_exist_is_named(proposal: Proposal, monkeypatch: pytest.MonkeyPatch):
+def test_another_speed_at_which_gains_exist_is_named(proposal: Proposal, monkeypatch: pytest.MonkeyPatch):
     design = tuning.design_gains
     slow = lambda family, *rest: design(family, *rest) if family.nominal.speed < 2.0 else None  # noqa: E731
     monkeypatch.setattr(proposals, "design_gains", slow)
     (why,) = propose_gains(proposal.found, LOOP, 2.5, at_once=True).support.reasons
-    assert why.endswith("at 1.7 m/s there are such gains (--speed 1.7)")
+    assert why.endswith("at 1.8 m/s there are such gains (--speed 1.8)")

@@ -15,7 +15,10 @@ def driving_of(runs: Sequence[str], reading: Reading, wheelbase: float | None) -
     """What the runs show as any driving; DataRefused where they lack what is needed."""
     from rover_sweep.api.driving import identify_driving
     from rover_sweep.cli.views.asking import long_work
+    from rover_sweep.errors import UsageError
 
+    if reading.servo:
+        raise UsageError("--servo-telemetry needs a vehicle file and sweeps; omit it, or give --vehicle")
     with long_work("reading the driving"):
         return identify_driving(*runs, columns=reading.columns, wheelbase=wheelbase, system=reading.system)
 
@@ -26,7 +29,8 @@ def show_instead(
     """Show what the driving says where it says anything; False without. why: no models can be identified."""
     answer = driving_of(runs, reading, wheelbase)
     if answer.level != "none":
-        show_driving(answer, out, as_json, f"No models: {why}. This is what the driving shows.")
+        known = f"This is what the driving shows, with the wheelbase of the vehicle file ({wheelbase:g} m)."
+        show_driving(answer, out, as_json, f"No models: {why}. {known}")
     return answer.level != "none"
 
 
@@ -41,12 +45,6 @@ def show_driving(answer: DrivingIdentification, out: Path, as_json: bool, why: s
     shown.print(on_terminal(driving_report(answer, ", ".join(answer.sources)), answer_last=True))
     files = answer.report(out)
     shown.print(f"report: {files.page}", soft_wrap=True)
-    shown.print(f"next: rover-sweep {NEXT[answer.level == 'none']}", soft_wrap=True)
+    shown.print("next: rover-sweep design (the sweeps that show tyres and inertia)", soft_wrap=True)
     if as_json:
         echo_json(files.document.read_text(encoding="utf-8"))
-
-
-NEXT = (
-    "design (the sweeps that show tyres and inertia), or vehicle --example > rover.toml (with the mass)",
-    "logs --help (which messages a log needs), or design (the sweeps to drive)",
-)

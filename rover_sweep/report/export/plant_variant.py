@@ -144,7 +144,10 @@ def not_in_the_plant(model: AugmentedModel) -> list[str]:
     if not model.simulated.roll:
         out.append("the model does not roll: the centre of the sprung mass is on the roll axis")
     if model.simulated.slip and "tyre_saturation" not in {e.id for e in model.added}:
-        out.append("the tyres do not saturate, as in the model: set friction before driving to the limit")
+        out.append(
+            "the model knows of no friction limit, so `friction` is not that of your ground: set it "
+            "before driving to the limit"
+        )
     out += [
         f"the law at the {law.place} over {law.over} is not included: this rover has no such table"
         for law in model.laws

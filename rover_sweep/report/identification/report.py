@@ -96,8 +96,9 @@ COSTS = (
 ACCURACIES = (
     (
         "90 % interval",
-        "use this one: from repeating the whole method on resampled data, and from what the bicycle and "
-        "roll-yaw models leave out.",
+        "of this model's fit, with the vehicle file as exact: from repeating the whole method on resampled "
+        "data, and from what the bicycle and roll-yaw models leave out. The numbers of the rover at the top "
+        "allow for the vehicle file too: use those.",
     ),
     (
         "CR",

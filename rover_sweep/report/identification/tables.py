@@ -45,7 +45,7 @@ NUMBERS = (
     "The intervals allow for the vehicle file's uncertainties, a lag of the steering, the bend of the tyres, "
     "and normal differences of both axles. CIFER fit: of the responses alone, with the vehicle file as exact."
 )
-CIFER = "Trust the interval; CR and I are for comparison with CIFER."
+CIFER = "CR and I are for comparison with CIFER; the interval says more."
 
 
 def numbers_table(result: Identification) -> Table | None:
@@ -205,14 +205,16 @@ def inertia_table(result: Identification, provenance: Provenance) -> Table | Non
     sd = f"± {number(stated.sd, 2)}" if stated and stated.sd is not None else "no uncertainty stated"
     rows: list[Cells] = [("vehicle file", number(value), sd, "–")]
     for name, e in found.items():
-        bound = f"± {number(e.value * (e.cr_percent or 0) / 100, 2)}"
         difference = Cell(change(100 * (e.value / value - 1)), "strong")
-        rows.append((f"{TITLES.get(name, name)} model", number(e.value), bound, difference))
+        rows.append(
+            (f"{TITLES.get(name, name)} model", number(e.value), ends_words(e.low, e.high), difference)
+        )
     note = (
-        "±: standard deviation (vehicle file), Cramer-Rao bound (models). In the paper the models are within "
-        "25 % (bicycle) and 12 % (roll-yaw) of the swing test."
+        "±: standard deviation of the vehicle file. In the paper the models are within 25 % (bicycle) and "
+        "12 % (roll-yaw) of the swing test."
     )
-    return table_of("Yaw inertia I_zz, kg m²", ("", "I_zz", "±", "difference %"), rows, note)
+    headings = ("", "I_zz", "± or 90 % interval", "difference %")
+    return table_of("Yaw inertia I_zz, kg m²", headings, rows, note)
 
 
 def filters_table(result: Identification) -> Table:
@@ -303,8 +305,8 @@ def amplitude_table(result: Identification) -> Table | None:
     )
     headings = ("run", "m/s", "amplitude", *(f"{symbol(name)}, N/rad" for name in names))
     note = (
-        "Each run alone, the other parameters as fitted to all runs. Tyres bend: the larger the slip angle, "
-        "the smaller the stiffness."
+        "Each run alone, the other parameters as fitted to all runs. Where tyres bend, the stiffness is "
+        "smaller at a larger amplitude; one that rises comes from noise, or from play or friction."
     )
     return table_of("Cornering stiffness at each amplitude", headings, rows, note)
 
