@@ -176,7 +176,7 @@ def test_how_late_is_not_told_where_it_is_not_known(driven):
         rate = np.interp(log.signals["r"].t, s.t, -1e-3 * (few - 1500) * 4)
         still = with_signal(with_steering(log, lambda t, u: few), "speed", lambda t, v: 0 * v + 2.0)
         rng = np.random.default_rng(3)
-        return with_signal(still, "r", lambda t, r: rate + rng.normal(0, 0.15, t.size))
+        return with_signal(still, "r", lambda t, r: rate + rng.normal(0, 0.1, t.size))
 
     answer = answer_from(changed(driven[0], seldom))
     assert "curvature" in answer.numbers and "response_time" not in answer.numbers
