@@ -20,7 +20,8 @@ from sitl.plant.variant import load_variant
 
 pytestmark = pytest.mark.ardurover
 
-WITHIN = {"C": 0.15, "Cf": 0.2, "Cr": 0.2, "Izz": 0.15, "k_phi": 0.1, "tau": 0.3}  # of the plant's truth; one sweep of 20 s
+# of the plant's truth; one sweep of 20 s
+WITHIN = {"C": 0.15, "Cf": 0.2, "Cr": 0.2, "Izz": 0.15, "k_phi": 0.1, "tau": 0.3}
 
 
 def prepared_driven_and_fetched(job: Job) -> None:
