@@ -56,7 +56,7 @@ def test_the_lines_of_the_readme_run_as_they_stand(
     monkeypatch.chdir(tmp_path)
     exec(block, {})
     shown = capsys.readouterr().out
-    assert "roll-yaw model at 2." in shown and "Izz" in shown and "on run4: J_rms" in shown
+    assert "yaw inertia about the CG" in shown and "90 % interval" in shown
     assert (tmp_path / "report" / "report.html").stat().st_size > 100_000
     assert json.loads((tmp_path / "report" / "identification.json").read_text())["recommended"] == "roll-yaw"
 
