@@ -106,9 +106,8 @@ def _numbers(answer: DrivingAnswer) -> Table | None:
         digits = 4 if q.name == "straight" and q.unit == "us" else 3
         words = ends_words(low, high, digits)
         name = Cell(q.name.replace("_", " "), "strong")
-        rows.append(
-            (name, Cell(q.meaning), Cell(number(scale * q.value, digits), "strong"), Cell(shown), Cell(words))
-        )
+        value = Cell(number(scale * q.value, digits), "strong")
+        rows.append((name, Cell(unit(q.meaning)), value, Cell(shown), Cell(words)))
     headings = ("", "meaning", "value", "unit", "90 % interval")
     return Table("Numbers of the steering", headings, tuple(rows), text_columns=(0, 1, 3)) if rows else None
 
