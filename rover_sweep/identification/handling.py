@@ -42,6 +42,7 @@ UNITS = {
 }
 
 OF_THE_SIGN = ("critical_speed", "characteristic_speed")  # exist for one sign of K_us only
+STEADY = ("yaw_rate_gain", "lateral_acceleration_gain")
 OF_BOTH_AXLES = ("understeer_gradient", "understeer_gradient_deg_per_g", "static_margin")
 
 
@@ -96,11 +97,19 @@ class Handling(Shown):
         return f"the rover {kind}: {between}, {name.replace('_', ' ')} {v.value:.1f} m/s{ends}"
 
     def with_understeer(self, k: Quantity, base: float) -> Handling:
-        """With K_us [deg/g] of both axles together, and the speeds that follow. base: wheelbase [m]."""
+        """With K_us [deg/g] of both axles together, the steady gains and the speeds that follow from it.
+
+        base: wheelbase [m].
+        """
         low, high = k.interval_90 or (None, None)
         per_g = "understeer_gradient_deg_per_g"
-        kept = {n: q for n, q in self.quantities.items() if n not in (*OF_BOTH_AXLES, *OF_THE_SIGN)}
+        of_k = (*OF_BOTH_AXLES, *OF_THE_SIGN, *STEADY)
+        kept = {n: q for n, q in self.quantities.items() if n not in of_k}
         both = {per_g: _quantity(per_g, k.value, low=low, high=high)}
+        gains = [self._gain(x, base) for x in (k.value, low, high) if x is not None]
+        for name, factor in zip(STEADY, (1.0, self.speed), strict=True):
+            limits = (factor * min(gains), factor * max(gains)) if len(gains) == 3 else (None, None)
+            both[name] = _quantity(name, factor * gains[0], low=limits[0], high=limits[1])
         if k.value:
             name = "characteristic_speed" if k.value > 0 else "critical_speed"
             both[name] = _quantity(name, _speed(k.value, base))
@@ -109,6 +118,10 @@ class Handling(Shown):
                 both[name] = replace(both[name], low=ends[0], high=ends[1])
         found = {n: q for n in UNITS for q in ((both | kept).get(n),) if q is not None}
         return replace(self, quantities=found, tied=False)
+
+    def _gain(self, per_g: float, base: float) -> float:
+        """Steady r/delta [1/s], V/(L + K_us V^2), of a K_us [deg/g]."""
+        return self.speed / (base + np.radians(per_g) / GRAVITY * self.speed**2)
 
     def table(self) -> ShortTable:
         """The quantities that these runs identify, with their intervals."""

@@ -14,7 +14,7 @@ from threadpoolctl import threadpool_limits
 from rover_sweep.data.geometry import Geometry
 from rover_sweep.data.plausibility import implausible
 from rover_sweep.data.recording import Recording
-from rover_sweep.data.results import ByName, PlainNumbers, Quantity, ShortTable, Shown, band_words
+from rover_sweep.data.results import ByName, PlainNumbers, Quantity, ShortTable, Shown, band_words, number
 from rover_sweep.data.vehicle_file import Vehicle
 from rover_sweep.identification.bootstrap import with_intervals
 from rover_sweep.identification.fit import Condition, FitResult, costs, drawn_starts, fit, has_zero_response
@@ -250,10 +250,10 @@ class Identification(PlainNumbers, Shown):
             name: handling(lagged.get(id(fit), fit), None, error, self.models[name.partition(",")[0]].fit)
             for name, fit in fits.items()
         }
-        for name in (f"{self.recommended}, {UNTIED}", self.recommended):
-            if name in found and "K_us" in self.numbers:
-                known = self.numbers["K_us"], self.geometry.wheelbase
-                return found | {name: found[name].with_understeer(*known)}
+        if "K_us" in self.numbers:
+            known = self.numbers["K_us"], self.geometry.wheelbase
+            for name in {f"{self.recommended}, {UNTIED}", self.recommended or ""} & found.keys():
+                found[name] = found[name].with_understeer(*known)
         return found
 
     def table(self) -> ShortTable:
@@ -270,11 +270,12 @@ class Identification(PlainNumbers, Shown):
         )
         refused = (f"{name} refused: {why}" for name, why in self.refused.items())
         runs = sum(len(g.runs) for g in self.groups)
+        told = ", ".join(f"{q.name} {number(q.value, 3)} {q.unit}" for q in self.numbers)
         return ShortTable(
             f"identification from {runs} run{'s' if runs != 1 else ''}",
             ("model", "verdict", "J_ave", "J_rms", "TIC"),
             tuple(rows),
-            (*bands, *refused, *self.summary),
+            (*bands, *refused, *self.summary, *([f"the rover's numbers: {told}"] if told else [])),
         )
 
 

@@ -52,6 +52,15 @@ def test_understeer_is_that_of_both_axles_together_wherever_it_is_told(nominal: 
     assert speed.value == pytest.approx((0.391 * 9.81 / 0.034907) ** 0.5, rel=1e-3)  # sqrt(L g / K)
     assert speed.low < speed.value < speed.high and set(told.quantities) <= set(UNITS)
     assert told.sentence.startswith("the rover understeers: K_us 2 deg/g (1 to 3)")
+    gain = told.speed / (0.391 + 0.034907 / 9.81 * told.speed**2)  # V / (L + K V^2)
+    assert told["yaw_rate_gain"].value == pytest.approx(gain, rel=1e-3)
+    assert told["yaw_rate_gain"].low < gain < told["yaw_rate_gain"].high
+    one, other = nominal.handling["roll-yaw"], nominal.handling.get("roll-yaw, Cf and Cr free")
+    assert other is None or other["yaw_rate_gain"] == one["yaw_rate_gain"]
+
+
+def test_the_printed_result_shows_the_numbers(nominal: rs.Result) -> None:
+    assert f"the rover's numbers: Cf {nominal.numbers['Cf'].value:.3g} N/rad" in str(nominal)
 
 
 def test_the_answer_shows_the_numbers_and_the_fit_beside_them(nominal: rs.Result, tmp_path: Path) -> None:

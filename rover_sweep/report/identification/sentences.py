@@ -55,10 +55,10 @@ def handling_table(result: Identification, units: ShownUnits = SI) -> Table | No
     headings = ("", "", *(TITLES.get(name, name) for name in found))
     sentences = "; ".join(f"{TITLES.get(name, name)}: {h.sentence}" for name, h in found.items())
     note = (
-        f"{sentences}. From fits with Cf, Cr and a lag of the steering free; K_us as among the numbers of "
-        "the rover, the modes the model's own. K_us > 0: understeer. Intervals: Cramér-Rao bound (modes: "
-        "bootstrap), and what speed lost in turns, large steering angles and 3 % of steering scale change "
-        "in r/δ."
+        f"{sentences}. From fits with Cf, Cr and a lag of the steering free; K_us of the numbers of the "
+        "rover, from which the steady gains follow; the modes are the model's own. K_us > 0: understeer. "
+        "Intervals: Cramér-Rao bound (modes: bootstrap), and what speed lost in turns, large steering angles "
+        "and 3 % of steering scale change in r/δ."
     )
     speed = next(iter(found.values())).speed
     return table_of(f"Handling at {speed:.2f} m/s", headings, rows, note, 2)
