@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from drives import hand_driving, mission, recorded
+from any_drives import hand_driving, mission, recorded
 
 import rover_sweep as rs
 from rover_sweep.data.recording import Signal
