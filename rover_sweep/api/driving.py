@@ -2,33 +2,24 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from os import fspath
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from rover_sweep.api.read import Location
 from rover_sweep.driving.answer import DrivingAnswer, answer_from
 from rover_sweep.errors import DataRefused, UsageError
-from rover_sweep.files.replaced import remove_file, write_file
 from rover_sweep.logs.log import Log
-from rover_sweep.logs.read import read_logs
+from rover_sweep.logs.read import read_logs, usable_log
 from rover_sweep.report.driving import driving_document, driving_report
-from rover_sweep.report.in_html import in_html
+from rover_sweep.report.in_html import PageFiles, write_page
+from rover_sweep.report.wording import strict_json
 
-DRIVING_FILE = "driving.json"
 WHEELBASES = 0.02, 20.0  # m
-
-
-@dataclass(frozen=True)
-class DrivingFiles:
-    """Paths of the written files."""
-
-    directory: Path
-    document: Path
-    page: Path
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -37,19 +28,14 @@ class DrivingIdentification(DrivingAnswer):
 
     sources: tuple[str, ...] = ()
 
-    def report(self, directory: Location) -> DrivingFiles:
+    def report(self, directory: Location) -> PageFiles:
         """Writes driving.html and driving.json into a folder, which is created if missing.
 
         >>> driven.report("driving").page.name
         'driving.html'
         """
-        folder = Path(directory)
-        html = in_html(driving_report(self, ", ".join(self.sources)))
-        text = json.dumps(driving_document(self), indent=2, allow_nan=False, ensure_ascii=False)
-        remove_file(folder / DRIVING_FILE)
-        folder.mkdir(parents=True, exist_ok=True)
-        page = write_file(folder / "driving.html", html)
-        return DrivingFiles(folder, write_file(folder / DRIVING_FILE, text + "\n"), page)
+        page = driving_report(self, ", ".join(self.sources))
+        return write_page(Path(directory), "driving", page, strict_json(driving_document(self)))
 
 
 def identify_driving(
@@ -81,32 +67,32 @@ def identify_driving(
     if wheelbase is not None and not (known and low <= wheelbase <= high):
         raise UsageError(f"the wheelbase is {wheelbase!r}; give metres, {low:g} to {high:g}")
     names = [fspath(source) for source in sources]
-    logs = list(_logs(names, columns, system))
-    files = [source for log in {log.sources: log for log in logs}.values() for source in log.sources]
-    if len(set(names)) < len(names) or len({sha for _, sha in files}) < len(files):
-        raise UsageError("the same log is given twice, which would make its numbers look more certain")
+    logs = _logs(names, columns, system)
     found = answer_from(logs, wheelbase)
     return DrivingIdentification(
         **{f.name: getattr(found, f.name) for f in fields(found)}, sources=tuple(Path(n).name for n in names)
     )
 
 
-def _logs(names: Sequence[str], columns: Mapping[str, Any] | str | None, system: int | None) -> Iterator[Log]:
-    """The logs that have all that is needed; DataRefused without any."""
-    lacking = ""
-    found = False
+def _logs(
+    names: Sequence[str], columns: Mapping[str, Any] | str | None, system: int | None
+) -> tuple[Log, ...]:
+    """The logs that can be used; DataRefused without any, UsageError for a file that is given twice."""
+    usable: list[Log] = []
+    refusals: list[DataRefused] = []
+    known: set[str] = set()
     for name in names:
-        for log in read_logs(name, column_map=columns, system=system):
-            missing = [words for key, words in (("speed", "speed"), ("r", "yaw rate")) if not _has(log, key)]
-            missing += [] if log.steering and log.steering[0].t.size > 1 else ["steering output"]
-            if missing:
-                lacking = lacking or f"{log.name} has no {' and no '.join(missing)}"
-                continue
-            found = True
-            yield log
-    if not found:
-        raise DataRefused(f"{lacking}; steering, speed and yaw rate are needed to see how the rover steers")
-
-
-def _has(log: Log, key: str) -> bool:
-    return key in log.signals and log.signals[key].t.size > 1
+        with np.errstate(invalid="ignore", over="ignore"):  # damaged numbers are removed next
+            logs = read_logs(name, column_map=columns, system=system)
+        files = {sha for log in logs for _, sha in log.sources}
+        if files & known:
+            raise UsageError("the same log is given twice, which would make its numbers look more certain")
+        known |= files
+        for log in logs:
+            try:
+                usable.append(usable_log(log))
+            except DataRefused as refusal:  # of one start of the vehicle; others may be usable
+                refusals.append(refusal)
+    if not usable:
+        raise refusals[0]
+    return tuple(usable)

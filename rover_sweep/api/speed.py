@@ -19,7 +19,6 @@ from rover_sweep.data.recording import ThrottleRun, data_frame
 from rover_sweep.data.results import ByName, Quantity, ShortTable, Shown, ends_words, plain_number
 from rover_sweep.errors import DataRefused, RoverSweepError, UsageError
 from rover_sweep.files.documents import read_json
-from rover_sweep.files.replaced import remove_file, write_file
 from rover_sweep.gains.corner import HALF_WIDTH, Corner, corners
 from rover_sweep.gains.gains_json import (
     corners_document,
@@ -35,7 +34,7 @@ from rover_sweep.gains.speed_chain import speed_from_document, speed_loop
 from rover_sweep.gains.speed_proposal import SpeedProposal, propose_speed
 from rover_sweep.identification.identify_speed import SpeedResult, speed_parameters
 from rover_sweep.identification.identify_speed import identify_speed as from_sweeps
-from rover_sweep.report.in_html import in_html
+from rover_sweep.report.in_html import PageFiles, write_page
 from rover_sweep.report.speed_report import SpeedFindings, speed_document, speed_report
 
 SPEED_FILE = "speed.json"
@@ -56,13 +55,6 @@ def throttle_sweeps(sources: Sequence[str]) -> tuple[ThrottleRun, ...]:
         except OSError as error:
             raise DataRefused(f"{path.name} cannot be read: {error}") from None
     return tuple(found)
-
-
-def write_speed(result: SpeedResult, folder: Path) -> Path:
-    """Writes speed.json into a folder, which is created if missing."""
-    folder.mkdir(parents=True, exist_ok=True)
-    text = json.dumps(speed_document(result), indent=2, allow_nan=False)
-    return write_file(folder / SPEED_FILE, text + "\n")
 
 
 def speed_gains(path: Path, current: Mapping[str, float], current_from: str) -> SpeedProposal:
@@ -167,7 +159,7 @@ class SpeedIdentification(Shown, SpeedResult):
         columns["meaning"] = [p.meaning for p in found]
         return data_frame(columns, found.keys(), "parameter")
 
-    def report(self, directory: Location) -> SpeedFiles:
+    def report(self, directory: Location) -> PageFiles:
         """Writes speed.html and speed.json into a folder; `rover-sweep gains` reads it.
 
         >>> speed.report("throttle").page.name
@@ -215,25 +207,13 @@ def identify_speed(*sources: Location) -> SpeedIdentification:
     return SpeedIdentification(**{f.name: getattr(found, f.name) for f in fields(found)})
 
 
-@dataclass(frozen=True)
-class SpeedFiles:
-    """Paths of the written files."""
-
-    directory: Path
-    document: Path
-    page: Path
-
-
-def write_speed_report(findings: SpeedFindings, folder: Path) -> SpeedFiles:
+def write_speed_report(findings: SpeedFindings, folder: Path) -> PageFiles:
     """Write speed.html, then speed.json, into a folder, which is created if missing.
 
     If the folder has the results of steering sweeps too, the page has the steering's limits from them.
     """
-    html = in_html(speed_report(findings))
-    remove_file(folder / "speed.json")
-    folder.mkdir(parents=True, exist_ok=True)
-    page = write_file(folder / "speed.html", html)
-    return SpeedFiles(folder, write_speed(findings.result, folder), page)
+    text = json.dumps(speed_document(findings.result), indent=2, allow_nan=False)
+    return write_page(folder, "speed", speed_report(findings), text + "\n")
 
 
 def speed_findings(result: SpeedResult, folder: Path) -> SpeedFindings:

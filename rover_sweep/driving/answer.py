@@ -1,4 +1,4 @@
-"""What any driving says of a rover: how far, how late and how straight it steers, and what stays unknown."""
+"""What any driving says of a rover: how much and how late it turns for its steering, and what is unknown."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from rover_sweep.data.results import ByName, Quantity, ShortTable, Shown, ends_w
 from rover_sweep.driving.fit import OF_SPEED, DrivingFit, fit_driving, precision_with
 from rover_sweep.driving.stretches import FASTEST_TURN, RATE, DrivenPart, Driving, usable_driving
 from rover_sweep.logs.log import Log
+from rover_sweep.manoeuvre.sweep import Sweep
 
 Level = Literal["good", "rough", "none"]
 
@@ -24,8 +25,7 @@ SPEEDS_APART = 1.3  # ratio of the speeds in turns, from which they show what de
 HARD_TURN = 3.0  # m/s^2, at which the bend of the tyres is told
 EXTRAPOLATED = 1.5  # a characteristic or critical speed is told up to so many times the fastest turns
 KNOWN = 0.5  # of a value; a wider half interval makes it unknown
-SWEEP_US, SWEEP_SPEED, SWEEP_S = 120.0, 2.0, 60.0
-SWEPT_HZ = 0.1, 3.0
+SWEEP, SWEEP_SPEED = Sweep(amplitude=120.0), 2.0  # advised; us, m/s
 DEG_PER_G = GRAVITY * 180 / pi
 
 
@@ -101,7 +101,7 @@ def _judged(fit: DrivingFit) -> tuple[Level, tuple[str, ...]]:
     if low <= 0 <= high or (high - low) / 2 > KNOWN * abs(fit["gain"]):
         return "none", ("the yaw rate does not follow the steering in this driving",)
     share = f"the steering explains {100 * max(fit.explained, 0.0):.0f} % of the yaw rate"
-    if not fit.explained >= ROUGH:
+    if fit.explained < ROUGH:
         return "none", (
             f"{share} in parts of the drive that were not fitted; {100 * ROUGH:.0f} % are needed",
         )
@@ -255,13 +255,10 @@ def _band(used: Sequence[DrivenPart]) -> tuple[float, float]:
 def _after_sweep(
     fit: DrivingFit, driving: Driving, speeds: tuple[float, float, float], wheelbase: float | None
 ) -> tuple[tuple[str, float], ...]:
-    """{number: half width} of the intervals if a sweep of 120 us at 2 m/s were added to the driving."""
-    t = np.arange(0.0, SWEEP_S, 1 / RATE)
-    first, last = SWEPT_HZ
-    growth = np.log(last / first)
-    phase = 2 * pi * first * SWEEP_S / growth * (np.exp(growth * t / SWEEP_S) - 1)
-    speed = min(SWEEP_SPEED, sqrt(FASTEST_TURN / abs(fit["gain"] * SWEEP_US)))
-    steering = Signal(t, fit["straight"] + SWEEP_US * np.sin(phase), "us")
+    """{number: half width} of the intervals if `SWEEP` at `SWEEP_SPEED` were added to the driving."""
+    t = np.arange(0.0, SWEEP.duration, 1 / RATE)
+    speed = min(SWEEP_SPEED, sqrt(FASTEST_TURN / abs(fit["gain"] * SWEEP.amplitude)))
+    steering = Signal(t, fit["straight"] + SWEEP.wave(t), "us")
     of_sweep = DrivenPart(
         "sweep", t, np.full(t.size, speed), np.zeros(t.size), steering, driving.stretches[0].low_pass
     )

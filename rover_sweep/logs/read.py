@@ -53,12 +53,18 @@ def read_runs(
 
 def runs_of(whole: Log) -> tuple[Recording, ...]:
     """All runs of one log, with notes on their quality. DataRefused when none can be used."""
-    log = screened(whole)
-    refuse_useless(log)
+    log = usable_log(whole)
     found = find_runs(log)
     if not found:
         refuse_unexcited(log)
     return tuple(with_notes(run, log) for run in found)
+
+
+def usable_log(whole: Log) -> Log:
+    """The log without impossible samples; DataRefused where it can hold no driving of a rover."""
+    log = screened(whole)
+    refuse_useless(log)
+    return log
 
 
 def read_logs(

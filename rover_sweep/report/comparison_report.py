@@ -43,7 +43,7 @@ from rover_sweep.report.document import (
     some,
     table_of,
 )
-from rover_sweep.report.in_html import in_html
+from rover_sweep.report.in_html import in_html, write_page
 from rover_sweep.report.wording import (
     Provenance,
     channel,
@@ -303,11 +303,8 @@ def _head(name: str, provenance: Provenance) -> dict[str, Any]:
 
 def write_comparison(found: Comparison, directory: Path, provenance: Provenance) -> Path:
     """Write comparison.html and comparison.json; the path of the page. UsageError if it is not writable."""
-    page = in_html(comparison_report(found, provenance))
     document = strict_json(comparison_document(found, provenance))
-    html = write_file(directory / "comparison.html", page)
-    write_file(directory / "comparison.json", document)
-    return html
+    return write_page(directory, "comparison", comparison_report(found, provenance), document).page
 
 
 def write_twin(found: Twin, directory: Path, provenance: Provenance) -> Path:

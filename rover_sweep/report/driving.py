@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from rover_sweep.data.results import ends_words, number
-from rover_sweep.driving.answer import SWEEP_S, SWEEP_SPEED, SWEEP_US, DrivingAnswer
+from rover_sweep.driving.answer import SWEEP, SWEEP_SPEED, DrivingAnswer
 from rover_sweep.driving.fit import fitted_yaw_rate
 from rover_sweep.driving.stretches import RATE, DrivenPart
 from rover_sweep.report.charts.chart import AFTER, DATA, Chart, ChartPlan, Curve, Panel, Stack
@@ -61,10 +61,10 @@ def driving_document(answer: DrivingAnswer) -> dict[str, Any]:
 
 def driving_report(answer: DrivingAnswer, names: str) -> Document:
     """The answer as a document. names: of the logs, for the subtitle."""
-    driving = answer.driving
+    made = versions()
     return Document(
         "Steering from any driving",
-        f"{names}; rover-sweep {versions()['rover_sweep']}",
+        f"{names}; rover-sweep {made['rover_sweep']}",
         some(
             Sentence(_first(answer), "strong", badge=Badge(answer.level, TONES[answer.level])),
             *items([sentence(words) for words in answer.reasons]),
@@ -76,9 +76,7 @@ def driving_report(answer: DrivingAnswer, names: str) -> Document:
             Section("Yaw rate", some(Figures(tuple(_charts(answer)))), "runs", level="page"),
         ),
         (),
-        (Sentence(LAW, "muted"), Sentence(versions_words(versions()), "muted"))
-        if driving.stretches
-        else (Sentence(versions_words(versions()), "muted"),),
+        some(Sentence(LAW if answer.fit else "", "muted"), Sentence(versions_words(made), "muted")),
     )
 
 
@@ -127,8 +125,8 @@ def _remarks(answer: DrivingAnswer) -> Iterator[str]:
             better.append(f"{name.replace('_', ' ')} (by {100 - 200 * half / (q.high - q.low):.0f} %)")
     if better:
         yield (
-            f"A sweep of {SWEEP_US:.0f} us at {SWEEP_SPEED:g} m/s for {SWEEP_S:.0f} s would make these "
-            f"intervals narrower: {', '.join(better)}"
+            f"A sweep of {SWEEP.amplitude:.0f} us at {SWEEP_SPEED:g} m/s ({SWEEP.duration:.0f} s) would make "
+            f"these intervals narrower: {', '.join(better)}"
         )
 
 

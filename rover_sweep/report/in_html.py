@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
@@ -11,6 +13,7 @@ from markupsafe import Markup
 
 from rover_sweep.data.recording import Signal
 from rover_sweep.files.documents import printable_lines
+from rover_sweep.files.replaced import remove_file, write_file
 from rover_sweep.report.charts.chart import kept_points
 from rover_sweep.report.charts.static_svg import (
     ShownChart,
@@ -44,6 +47,27 @@ def in_html(document: Document, charts: Charts | None = None) -> str:
     made = made_charts(document) if charts is None else charts
     template = templates().get_template("document.html.j2")
     return template.render(d=document, charts=made, scripted=any(c.data for c in made.values()))
+
+
+@dataclass(frozen=True)
+class PageFiles:
+    """Paths of a written page for people and of its document for programs."""
+
+    directory: Path
+    document: Path
+    page: Path
+
+
+def write_page(directory: Path, stem: str, document: Document, text: str) -> PageFiles:
+    """Writes <stem>.html, then <stem>.json with the text, into a folder, which is created if missing.
+
+    The document of before goes first, so that none stands beside a page that is not its own.
+    """
+    html = in_html(document)
+    path = directory / f"{stem}.json"
+    remove_file(path)
+    page = write_file(directory / f"{stem}.html", html)
+    return PageFiles(directory, write_file(path, text), page)
 
 
 @cache

@@ -34,7 +34,7 @@ sys.path.insert(0, str(Path(__file__).parents[2]))
 sys.path.remove(str(Path(__file__).parent))  # its coverage.py hides the library of that name
 
 from firmware_params.param_files import shipped
-from rover_sweep.api.speed import speed_gains, throttle_sweeps, write_speed
+from rover_sweep.api.speed import speed_findings, speed_gains, throttle_sweeps, write_speed_report
 from rover_sweep.gains.speed_chain import (
     BEFORE,
     SPEED_DEFAULTS,
@@ -247,7 +247,8 @@ def main() -> None:
         folder = options.out or Path(scratch)
         folder.mkdir(parents=True, exist_ok=True)
         result = identify_speed(throttle_sweeps([str(options.sweep)]))
-        proposal = speed_gains(write_speed(result, folder), {}, "the sweep's log")
+        written = write_speed_report(speed_findings(result, folder), folder)
+        proposal = speed_gains(written.document, {}, "the sweep's log")
         assert proposal.proposed is not None, proposal.reasons
         log, told = drive(binary, folder, proposal, options.variant)
         kept = [{"name": s.name, "start_s": s.start, "settings": s.settings.parameters} for s in told]

@@ -1,5 +1,6 @@
 """Numbers of the steering from any driving: against the simulated rover that drove, and bad records."""
 
+import json
 import re
 from dataclasses import replace
 
@@ -8,6 +9,7 @@ import pytest
 from any_drives import hand_driving, mission, recorded
 
 import rover_sweep as rs
+from rover_sweep.api import driving
 from rover_sweep.data.recording import Signal
 from rover_sweep.driving.answer import answer_from
 from rover_sweep.logs.log import Log
@@ -181,3 +183,39 @@ def test_how_late_is_not_told_where_it_is_not_known(driven):
     answer = answer_from(changed(driven[0], seldom))
     assert "curvature" in answer.numbers and "response_time" not in answer.numbers
     assert any(words.startswith("How late the turn follows") for words in answer.unknown)
+
+
+def test_the_shortest_parts_are_tested_on_each_other_too(driven, tmp_path):
+    """Two parts of little more than 4 s give a share that is a number, on the page and in driving.json."""
+
+    def brief(log):
+        first = log.signals["speed"].t[0] + 20
+        channels = {n: s.between(first, first + 8.5) for n, s in log.signals.items()}
+        log = replace(log, signals=channels, steering=(log.steering[0].between(first, first + 8.5),))
+        return with_signal(log, "speed", lambda t, v: np.where(np.abs(t - first - 4.25) < 0.1, 0.0, v))
+
+    answer = answer_from(changed(driven[0], brief))
+    assert len(answer.driving.stretches) == 2 and np.isfinite(answer.fit.explained)
+    files = replace(driven[1], **{f: getattr(answer, f) for f in ("level", "numbers", "reasons", "fit")})
+    document = json.loads(files.report(tmp_path).document.read_text())
+    assert document["explained"] == pytest.approx(answer.fit.explained)
+
+
+def test_impossible_samples_are_removed_as_from_runs(driven, monkeypatch):
+    def damaged(*given, **more):
+        (log,) = read_logs(*given, **more)
+        bad = lambda t, v: np.where(np.arange(t.size) % 500 == 0, np.nan, v)  # noqa: E731
+        return (with_signal(log, "speed", bad),)
+
+    monkeypatch.setattr(driving, "read_logs", damaged)
+    found = rs.identify_driving(driven[0]).numbers["curvature"].value
+    assert found == pytest.approx(driven[1].numbers["curvature"].value, rel=0.01)
+
+
+def test_a_copters_log_is_refused_by_name(driven, monkeypatch):
+    def copter(*given, **more):
+        return tuple(replace(log, vehicle="copter") for log in read_logs(*given, **more))
+
+    monkeypatch.setattr(driving, "read_logs", copter)
+    with pytest.raises(rs.DataRefused, match="is the log of a copter"):
+        rs.identify_driving(driven[0])

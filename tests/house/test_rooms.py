@@ -25,7 +25,7 @@ ROOMS: dict[str, set[str]] = {
     "design": {"data", "manoeuvre", "spectra", "firmware_params"},
     "quality": {"data", "design", "spectra"},
     "logs": {"data", "files", "quality"},
-    "driving": {"data", "logs"},
+    "driving": {"data", "logs", "manoeuvre"},
     "identification": {"data", "files", "quality", "spectra"},
     "diagnosis": {"data", "identification", "manoeuvre", "quality", "spectra"},
     "investigation": {"diagnosis"},

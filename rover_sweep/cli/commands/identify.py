@@ -110,7 +110,7 @@ def identify(
     DIR/speed.html and DIR/speed.json.
 
     Without a vehicle file, or without a sweep, RUN may be any driving, such as a mission: the answer is then
-    how far, how late and how straight the rover steers, in DIR/driving.html and DIR/driving.json.
+    how much and how late the rover turns for its steering, in DIR/driving.html and DIR/driving.json.
     """
     from rover_sweep.api.identify import parameter_names
     from rover_sweep.api.read import fitted_and_verified, load_steered, load_structures
