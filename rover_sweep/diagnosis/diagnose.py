@@ -18,6 +18,7 @@ from rover_sweep.diagnosis.locate import mismatches
 from rover_sweep.diagnosis.posterior.infer import (
     SHARE,
     Inference,
+    Judged,
     Named,
     Options,
     baseline_of,
@@ -118,9 +119,10 @@ def diagnose(
     begin = _start(settings.parameters) | lumped_baseline.start_coordinates(settings.parameters, speed)
     if must_compile():
         options.progress("compiling the simulation, once on this machine (up to a minute)", 0.0)
-    found = infer(used, model, begin, options, held)
+    judged = without_refuted(infer(used, model, begin, options, held), held)
+    found = judged[0]
     options.progress("describing what is left", 0.92)  # of the work
-    answer, laws = _answer(found, used, held, settings)
+    answer, laws = _answer(judged, used, held, settings)
     remarks = [f"the simulation follows the {baseline} model"] if simulated else []
     remarks += smoothed_channels(found.last.problem.floor)
     if found.stopped and limit is not None and time.monotonic() - started > limit:
@@ -165,10 +167,10 @@ def _start(parameters: Mapping[str, float]) -> dict[str, float]:
 
 
 def _answer(
-    found: Inference, used: Sequence[Experiment], held: Sequence[Experiment], settings: DiagnosisSettings
+    judged: Judged, used: Sequence[Experiment], held: Sequence[Experiment], settings: DiagnosisSettings
 ) -> tuple[Diagnosis, FoundLaws | None]:
     """(the diagnosis without its model, the laws of the unknown that belong into the model)."""
-    found, held_out, rests, refuted = without_refuted(found, held)
+    found, held_out, rests, refuted = judged
     none, last = found.none, found.last
     floor = last.problem.floor
     drawn = draw_coordinates(last, settings.seed)

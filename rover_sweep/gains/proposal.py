@@ -10,7 +10,15 @@ from typing import Literal
 import numpy as np
 
 from rover_sweep.data.geometry import STANDARD_GRAVITY
-from rover_sweep.gains.controller import Step, feedback_response, forward_response, step_of, target_response
+from rover_sweep.gains.controller import (
+    BEFORE,
+    SECONDS,
+    Step,
+    feedback_response,
+    forward_response,
+    step_of,
+    target_response,
+)
 from rover_sweep.gains.identified import Identified
 from rover_sweep.gains.steering_chain import Autopilot, Gains, sampled_plant
 from rover_sweep.gains.tuning import (
@@ -230,6 +238,8 @@ def propose_gains(
     support, judged = _with_design_check(found, support, judged)
     if judged is not None and not at_once:
         support, judged = _step(support, family, judged)
+    if judged is not None and support.level == "gains" and math.isnan(judged.step.rise):
+        support = replace(support, remarks=(_short_step(judged), *support.remarks))
     values = found.structure.values
     return Proposal(
         found,
@@ -313,6 +323,13 @@ def _step(support: Support, family: Family, designed: AssessedGains) -> tuple[Su
         "the wheels off the ground, then at low speed; then compute again from the new gains"
     )
     return replace(support, remarks=(words, *support.remarks)), assess_gains(family, made)
+
+
+def _short_step(judged: AssessedGains) -> str:
+    return (
+        f"with these gains a requested turn rate is not reached within {SECONDS - BEFORE:.1f} s (without I, "
+        f"{100 * judged.steady:.0f} % of it): they are a step on the way, not the end"
+    )
 
 
 def _why_no_gains(found: Identified, family: Family, speed: float) -> str:
