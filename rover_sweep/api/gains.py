@@ -123,9 +123,13 @@ def _identified(path: Path, name: str | None) -> Identified:
             result = load_result(path)
             return from_identification(identification_document(result, result.origin), name)
     except (KeyError, TypeError, ValueError, IndexError) as error:
-        why = {KeyError: f"{error} is missing", ValueError: str(error)}.get(
-            type(error), "a part of it has another form"
-        )
+        match error:
+            case KeyError():
+                why = f"{error} is missing"
+            case ValueError():
+                why = str(error)
+            case _:
+                why = "a part of it has another form"
         raise UsageError(f"no gains can be computed from {path}: {why}; run identify again") from error
     raise UsageError(f"{path} is neither an identification nor a diagnosis of rover-sweep")
 

@@ -136,7 +136,7 @@ def workers(count: int | None, scheduler: str | None) -> Iterator[Executor]:
         raise missing_extra("--scheduler needs Dask", "fleet") from None
     try:
         client = Client(scheduler, timeout="20s")
-    except (OSError, ValueError, TimeoutError) as error:
+    except (OSError, ValueError) as error:
         raise UsageError(
             f"no Dask scheduler answers at {scheduler} ({error}); start one with: dask scheduler"
         ) from None

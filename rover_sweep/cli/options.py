@@ -50,7 +50,7 @@ def option(
     """
     shown = more.get("default") not in (None, "", ()) and "[default" not in (help or "")
     metavar = metavar or ("DIR" if type is FOLDER else None)
-    settings = {"type": type, "metavar": metavar, "help": help, "show_default": shown} | more
+    settings: dict[str, Any] = {"type": type, "metavar": metavar, "help": help, "show_default": shown} | more
 
     def declare(name: str, is_flag: bool) -> Callable[..., Any]:
         names = flag.split() or [f"--{name.replace('_', '-')}"]

@@ -185,7 +185,7 @@ def set_numbers(path: str | os.PathLike[str], numbers: Mapping[str, Measured]) -
 
     The new text is checked before the file changes. Returns the vehicle of the new file.
     """
-    import tomlkit
+    import tomlkit.items
 
     path = Path(path)
     old = _read(path)

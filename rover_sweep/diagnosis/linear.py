@@ -173,7 +173,7 @@ class FirstOrderLowPass(LowPass):
 
     def response(self, w: Array) -> NDArray[np.complex128]:
         """Frequency response (n,) at w (n,) [rad/s]: 1/(1 + s/w0)."""
-        return np.asarray(1.0 / (1.0 + 1j * w / (2 * np.pi * self.cutoff_hz)))
+        return np.asarray(1.0 / (1.0 + 1j * w / (2 * np.pi * self.cutoff_hz)), complex)
 
 
 def hidden_filters(model: AugmentedModel) -> dict[str, LowPass]:

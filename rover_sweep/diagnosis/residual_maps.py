@@ -131,7 +131,7 @@ def fit_signals(
     gram = own.T @ own
     if np.any(np.diag(gram) < 1e-6 * np.maximum(np.sum(more**2, axis=0), 1e-12)):
         return None
-    amounts = np.linalg.solve(gram, own.T @ remaining)
+    amounts = np.asarray(np.linalg.solve(gram, own.T @ remaining), float)
     drop = float(remaining @ (own @ amounts))
     spread = max(
         1.0, float(remaining @ remaining - drop) / max(target.size - base.shape[1] - more.shape[1], 1)
@@ -140,7 +140,7 @@ def fit_signals(
     count = float(np.sum(power) ** 2 / np.sum(power**2))
     errors: Array = np.sqrt(np.diag(np.linalg.inv(gram)) * spread)
     sizes = amounts * np.sqrt(np.sum(more**4, axis=0) / np.sum(more**2, axis=0))
-    return SignalFit(np.asarray(amounts), errors, sizes, drop / spread, float(np.sqrt(1.0 + drop / count)))
+    return SignalFit(amounts, errors, sizes, drop / spread, float(np.sqrt(1.0 + drop / count)))
 
 
 def _columns(problem: Problem, channel: str, signals: Signals, only: int | None) -> Array:

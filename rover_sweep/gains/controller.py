@@ -134,7 +134,7 @@ def feedback_response(gains: Gains, p: Array, i: Array, dt: float, w: Array) -> 
 
 def forward_response(gains: Gains, ff: float, dt: float, w: Array) -> NDArray[np.complex128]:
     """Response (n_w,) of the feed-forward, from the filtered target to the output, at w (n_w,) rad/s."""
-    return np.asarray(ff + gains.dff * (1 - np.exp(-1j * w * dt)) / dt)
+    return np.asarray(ff + gains.dff * (1 - np.exp(-1j * w * dt)) / dt, complex)
 
 
 def target_response(gains: Gains, dt: float, w: Array) -> NDArray[np.complex128]:

@@ -256,7 +256,7 @@ class SampledPlant:
         x = np.linalg.solve(
             system, np.broadcast_to(self.b.astype(complex)[:, None], (w.size, len(self.b), 1))
         )
-        return np.asarray(x[:, :, 0] @ self.c.astype(complex) * z**-self.delay_steps)
+        return np.asarray(x[:, :, 0] @ self.c.astype(complex) * z**-self.delay_steps, complex)
 
 
 def sampled_plant(

@@ -138,7 +138,7 @@ def pade_delay(tau: float, order: int) -> tuple[Array, Array]:
             for k in range(n, -1, -1)
         ]
     )
-    return c * (-1.0) ** np.arange(n, -1, -1), c
+    return np.asarray(c * (-1.0) ** np.arange(n, -1, -1), float), c
 
 
 def _delay(tau: float, order: int) -> System:

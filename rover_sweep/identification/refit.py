@@ -216,7 +216,7 @@ class GroupReplicator:
     def _replicates(self, output: str, structure: ModelStructure, h: Complex, coherence: Array) -> Replicates:
         rise = 1j * self.w if output in RISING else 1.0
         model = structure.response(self.w, self.condition.speed, output, self.condition.filters)
-        log_model = np.log(np.abs(model)) + 1j * np.unwrap(np.angle(model))
+        log_model: Complex = np.asarray(np.log(np.abs(model)) + 1j * np.unwrap(np.angle(model)), complex)
         measured = self.responses[output]
         bands: tuple[Band | None, ...] = (measured.band,) * len(coherence)
         if measured.band == usable_band(measured.w, measured.coherence):  # it was not given

@@ -82,7 +82,7 @@ def relations(run: Recording) -> Relations:
 
 def _relation(t: Array, y: Array, x: Array, filter: LowPass | None = None) -> Relation | None:
     """y over x by least squares between LOWEST and HIGHEST; filter: low-pass in x but not in y."""
-    w = 2 * np.pi * np.fft.rfftfreq(t.size, STEP)
+    w = np.asarray(2 * np.pi * np.fft.rfftfreq(t.size, STEP), float)
     inside = (w >= max(LOWEST, PERIODS * 2 * np.pi / (t[-1] - t[0]))) & (w <= HIGHEST)
     top, bottom = _spectrum(y)[inside], _spectrum(x)[inside]
     if filter is not None:

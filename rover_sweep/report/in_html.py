@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
@@ -82,11 +83,17 @@ def templates() -> Environment:
         # makes control characters in names and vehicle texts visible
         finalize=lambda value: printable_lines(value) if type(value) is str else value,
     )
-    made.filters["kind"] = lambda part: type(part).__name__
-    made.filters["on_page"] = lambda parts: list(shown(parts, ON_PAGE))
-    made.globals["page_script"] = lambda: Markup(page_script())
-    made.globals["view_script"] = lambda: Markup(view_script())
-    made.globals["page_styles"] = lambda: Markup(page_styles())
+    filters: dict[str, Any] = {
+        "kind": lambda part: type(part).__name__,
+        "on_page": lambda parts: list(shown(parts, ON_PAGE)),
+    }
+    texts: dict[str, Any] = {
+        "page_script": lambda: Markup(page_script()),
+        "view_script": lambda: Markup(view_script()),
+        "page_styles": lambda: Markup(page_styles()),
+    }
+    made.filters.update(filters)
+    made.globals.update(texts)
     return made
 
 

@@ -70,7 +70,7 @@ class FrequencyResponse(PlainNumbers, Shown):
         """(h, coherence) at other frequencies w (n,) [rad/s], interpolated over log w in dB and phase."""
         x, grid = np.log(w), np.log(self.w)
         db, phase = np.interp(x, grid, self.magnitude_db), np.interp(x, grid, np.unwrap(np.angle(self.h)))
-        return 10 ** (db / 20) * np.exp(1j * phase), np.interp(x, grid, self.coherence)
+        return np.asarray(10 ** (db / 20) * np.exp(1j * phase), complex), np.interp(x, grid, self.coherence)
 
     def plot(self, axes: Any = None) -> Any:
         """Draws magnitude, phase and coherence and returns their matplotlib axes (3,).

@@ -398,7 +398,7 @@ def input_spectra(
     found = []
     for length, total, count, grid in zip(used, sums, counts, grids, strict=True):
         scale = 2.0 / length / count * np.where(w >= 2 * np.pi / length * (1 - 1e-9), 1.0, np.nan)
-        g = scale * (total if grid is w else sinc_interpolated(grid, total, w))
+        g: Any = scale * (total if grid is w else sinc_interpolated(grid, total, w))
         size = len(inputs) * (len(inputs) + len(outputs))
         gx, gyy = g[:size].reshape(len(inputs), -1, w.size), dict(zip(outputs, g[size:].real, strict=True))
         gxy = {o: gx[:, len(inputs) + k].T for k, o in enumerate(outputs)}

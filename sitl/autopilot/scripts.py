@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -37,7 +38,8 @@ class ScriptedRover(Protocol):
     def text(self, severity: int, text: str) -> None:
         """Sends a STATUSTEXT."""
 
-    def on_named_float(self, name: str, value: float) -> None:
+    @property
+    def on_named_float(self) -> Callable[[str, float], None]:
         """Sends a NAMED_VALUE_FLOAT."""
 
 

@@ -186,10 +186,8 @@ class MavlinkServer:
 
     def wait(self, seconds: float) -> None:
         """Sleeps until data arrive, at most for this time."""
-        sources: list[socket.socket | Peer] = [*self.peers]
-        if self._listener is not None:
-            sources.append(self._listener)
-        select.select(sources, [], [], seconds)
+        listening = [] if self._listener is None else [self._listener]
+        select.select([*self.peers, *listening], [], [], seconds)
 
     def flush(self, now_us: int) -> bool:
         """Sends the queue. True while a peer is too far behind: vehicle time must wait."""

@@ -28,7 +28,7 @@ class Piece:
 
     @property
     def is_block(self) -> bool:
-        return isinstance(self.node, (*Block.__args__, ast.If))
+        return isinstance(self.node, Block | ast.If)
 
 
 @dataclass(frozen=True, eq=False)

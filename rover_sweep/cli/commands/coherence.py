@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from dataclasses import asdict
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -49,7 +49,7 @@ def coherence(
         else:
             say_next("drive again what is not kept, with the amplitude above")
         return
-    document = [asdict(verdict) | {"keep": verdict.keep} for _, verdict in judged]
+    document: list[dict[str, Any]] = [asdict(verdict) | {"keep": verdict.keep} for _, verdict in judged]
     for entry, (run, verdict) in zip(document, judged, strict=True):
         entry["notes"] = [asdict(note) for note in run.notes]
         bands = [{k: x for k, x in asdict(b).items() if x != float("inf")} for b in verdict.next.bands]

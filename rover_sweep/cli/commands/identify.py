@@ -157,7 +157,12 @@ def identify(
         condition_on=tuple(dict.fromkeys(condition_on)),
         bootstrap=bootstrap,
     )
-    again = [*runs, *(word for run in verify for word in ("--hold-out", run)), "--vehicle", str(path)]
+    again: list[str] = [
+        *runs,
+        *(word for run in verify for word in ("--hold-out", run)),
+        "--vehicle",
+        str(path),
+    ]
     show_identified(
         sweeps,
         checks,
@@ -168,7 +173,7 @@ def identify(
         full,
         structures=own,
         units=units,
-        again=shlex.join([*again, *(("--columns", reading.columns) if reading.columns else ())]),
+        again=shlex.join([*again, *(("--columns", str(reading.columns)) if reading.columns else ())]),
     )
     add_steering(speed, Path(out))
 

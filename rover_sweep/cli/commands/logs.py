@@ -106,7 +106,12 @@ def _file_document(f: FetchedFile) -> dict[str, object]:
 
     with f.path.open("rb") as file:
         digest = hashlib.file_digest(file, "sha256").hexdigest()
-    document = {"number": f.number, "path": str(f.path), "size": f.size, "seconds": f.seconds}
+    document: dict[str, object] = {
+        "number": f.number,
+        "path": str(f.path),
+        "size": f.size,
+        "seconds": f.seconds,
+    }
     return document | {"checked": f.checked, "sha256": digest}
 
 

@@ -160,7 +160,7 @@ _FEW = 100  # below this, parameters are read one by one; reading all 1300 takes
 def _document(d: Difference) -> dict[str, object]:
     from rover_sweep.vehicle.setup import needs_reboot
 
-    document = {"name": d.name, "wanted": d.wanted, "found": d.found, "reason": d.reason}
+    document: dict[str, object] = {"name": d.name, "wanted": d.wanted, "found": d.found, "reason": d.reason}
     return document | {"reboot": needs_reboot(d.name, d.needs_reboot)}
 
 

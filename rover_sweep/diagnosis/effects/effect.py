@@ -153,7 +153,7 @@ def family(first: Effect, *forms: Mapping[str, Any]) -> tuple[Effect, ...]:
     texts = ("id", "title", "apart", "next_run", "baselines", "channels", "signed")
     out = [first]
     for form in forms:
-        changes = {**form, "first": False}
+        changes: dict[str, Any] = {**form, "first": False}
         kind = changes.pop("kind", None)
         shared = {name: getattr(first, name) for name in texts}
         out.append(kind(**shared | changes) if kind else replace(first, **changes))

@@ -296,7 +296,7 @@ class _Batch:
     def _solved(self, at: Array, fixed: Array, pinned: NDArray[np.bool_]) -> Array:
         """The minimum (truths, explanations, d, n) for scores of this shape, with some values held."""
         right = np.where(pinned[..., None], fixed[..., None], at - self.inner @ fixed[..., None])
-        return np.asarray(np.linalg.solve(self._held(pinned), right))
+        return np.asarray(np.linalg.solve(self._held(pinned), right), float)
 
     def _held(self, pinned: NDArray[np.bool_]) -> Array:
         """K + W (truths, explanations, d, d) with the held values decoupled."""

@@ -164,7 +164,7 @@ def _autoregression(residual: Sequence[Array]) -> Array:
         [np.column_stack([y[ORDER - k : -k] for k in range(1, ORDER + 1)]) for y in residual]
     )
     now = np.concatenate([y[ORDER:] for y in residual])
-    return np.asarray(np.linalg.lstsq(past, now, rcond=None)[0])
+    return np.asarray(np.linalg.lstsq(past, now, rcond=None)[0], float)
 
 
 def _result(

@@ -270,7 +270,7 @@ class UnnamedFamily:
         found = np.sum(-0.5 * np.log(left) + 0.5 * along**2 * width / left, axis=1)
         best = int(np.argmax(found))
         amounts = root @ (vectors @ (along * width[best] / left[best]))
-        return max(float(found[best]), 0.0), np.asarray(amounts), root * float(np.sqrt(width[best, 0]))
+        return max(float(found[best]), 0.0), amounts, np.asarray(root * np.sqrt(width[best, 0]), float)
 
 
 def families(problem: Problem, fitted: Fitted) -> list[UnnamedFamily]:
@@ -284,13 +284,13 @@ def families(problem: Problem, fitted: Fitted) -> list[UnnamedFamily]:
     left = space.outside(fitted.rows)[: space.rows]
     prior = np.diag(prior_information(fitted.free, absent=WEAK))
     normal = fitted.jacobian.T @ fitted.jacobian + prior
-    moved = -np.linalg.solve(normal, fitted.jacobian.T @ every)
+    moved: Array = np.asarray(-np.linalg.solve(normal, fitted.jacobian.T @ every), float)
     reach, score = space.q[: space.rows].T @ every, every.T @ left
     out = []
     for law, begin, end in zip(laws, [0, *ends], ends, strict=False):
         part, inside = every[:, begin:end], reach[:, begin:end]
         a = part.T @ part - inside.T @ inside
-        out.append(UnnamedFamily(law, np.asarray(a), score[begin:end], np.asarray(moved)[:, begin:end]))
+        out.append(UnnamedFamily(law, np.asarray(a), score[begin:end], moved[:, begin:end]))
     return out
 
 

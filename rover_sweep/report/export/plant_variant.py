@@ -28,7 +28,8 @@ OTHER_FORMS = {
 
 def in_plant_units(model: AugmentedModel, effect: Effect, values: Mapping[str, Value]) -> dict[str, Value]:
     """The parameters of an effect as the simulated rover has them, and the form if it is not the first."""
-    out, numbers = dict(values), model.numbers
+    out: dict[str, Value] = dict(values)
+    numbers = model.numbers
     if effect.id == "steering_compliance":
         out = {"k": numbers["compliance"]}
     elif effect.id == "yaw_damping":

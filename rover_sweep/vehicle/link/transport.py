@@ -279,7 +279,7 @@ class Serial(Transport):
     def _try_speeds(self, untried: Iterator[int], data: bytes) -> None:
         if any(is_frame and self._codec.decode(frame) for frame, is_frame in self._framer.feed(data)):
             self._untried = None
-            _HEARD_AT[self._port.port] = self._port.baudrate
+            _HEARD_AT[str(self._port.port)] = self._port.baudrate
         elif time.monotonic() >= self._change:
             self._change = time.monotonic() + _SPEED_TRIED
             self._framer = Framer()
