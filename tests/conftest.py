@@ -1,5 +1,6 @@
 """What many tests share: the recordings, the vehicle that made them."""
 
+import gc
 import os
 from pathlib import Path
 from typing import Any
@@ -46,6 +47,12 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """The long ones first: none of them is to run alone at the end."""
     items.sort(key=lambda item: not item.nodeid.startswith(LONG))
+
+
+def pytest_collection_finish() -> None:
+    """The tests and the libraries stay: the collector of garbage need not look through them each time."""
+    gc.collect()
+    gc.freeze()
 
 
 @pytest.fixture(scope="session")

@@ -47,7 +47,11 @@ def test_a_notebook_is_valid_and_small(path: Path) -> None:
             "identify",
             ["2 runs of example rover", "<td>keep</td>", "roll-yaw", "Izz 0.07", "rms of the error"],
         ),
-        ("left_out", ["explained: backlash", "half of the gap, road-wheel angle", "look-alikes: none"]),
+        pytest.param(
+            "left_out",
+            ["explained: backlash", "half of the gap, road-wheel angle", "look-alikes: none"],
+            marks=pytest.mark.slow,
+        ),
     ],
 )
 def test_a_notebook_runs(

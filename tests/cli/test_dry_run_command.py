@@ -69,7 +69,10 @@ def test_mistakes_are_told_at_once_and_leave_nothing(
     assert [p.name for p in tmp_path.iterdir()] == ["file"]
 
 
-@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+@pytest.mark.parametrize(
+    "how",
+    [signal.SIGTERM, *(pytest.param(how, marks=pytest.mark.slow) for how in (signal.SIGINT, signal.SIGHUP))],
+)
 def test_being_ended_says_what_was_kept_and_that_the_rover_was_let_go(
     tmp_path: Path, how: signal.Signals
 ) -> None:

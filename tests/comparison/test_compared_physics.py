@@ -89,6 +89,7 @@ def test_a_wrong_inertia_is_a_number(recorded):
     assert found.places[0].channel in ("r", "ay", "p", "vy")
 
 
+@pytest.mark.slow
 def test_physics_too_much(recorded):
     rover = replace(ROVER, effects={"tyre_relaxation": {"sigma": 0.2}})
     found = _answer(recorded, rover, ("tyre_relaxation",), seed=80)
@@ -143,6 +144,7 @@ def test_nothing_to_compare(recorded):
         rs.compare(runs, (), held_out=held, diagnosis=diagnosis)
 
 
+@pytest.mark.slow
 def test_a_simulator_of_another_kind(recorded, tmp_path):
     """A linear bicycle by Euler's rule, without roll, filters, delay and noise, with Izz 30 % too large."""
     found = _of_bicycle(

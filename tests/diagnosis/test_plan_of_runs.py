@@ -64,6 +64,7 @@ def drawn(effects: Sequence[str], signatures: np.ndarray, runs: int = 1) -> RunS
     return RunSet.of(replace(one.assumed, effects={e: one.assumed.effects[e] for e in effects}), found)
 
 
+@pytest.mark.slow
 def test_the_gram_matrix_is_that_of_all_rows() -> None:
     one = usual()
     found = basis(one.experiment(STEPS), one.assumed)
@@ -191,6 +192,7 @@ def test_a_plan_proposes_what_names_the_wanted_effect(monkeypatch: pytest.Monkey
     assert shares == sorted(shares) and shares[-1] <= 1.0
 
 
+@pytest.mark.slow
 def test_a_detectable_size_is_not_below_the_one_that_matters_and_falls_with_more_runs() -> None:
     wanted = ("steering_backlash", "imu_offset", "tyre_relaxation", "steering_nonlinearity")
     one = replace(usual(), wanted=wanted)
@@ -202,6 +204,7 @@ def test_a_detectable_size_is_not_below_the_one_that_matters_and_falls_with_more
     assert (more["steering_nonlinearity"].size or 0.0) < 0.8 * (few["steering_nonlinearity"].size or 0.0)
 
 
+@pytest.mark.slow
 def test_an_effect_is_sure_at_its_detectable_size_only() -> None:
     one = replace(usual(), wanted=("steering_nonlinearity",))
     size = detectable(one, (LARGE,))["steering_nonlinearity"].size or 0.0
@@ -211,6 +214,7 @@ def test_an_effect_is_sure_at_its_detectable_size_only() -> None:
         assert (expected(runs, [effect]).sure[effect] >= SURE) == named
 
 
+@pytest.mark.slow
 def test_recorded_noise_counts_in_a_plan() -> None:
     """Ten times the noise power makes the same tyre saturation harder to find: its mu must be smaller."""
     quiet, loud = replace(usual(), wanted=("tyre_saturation",)), planner(wanted=("tyre_saturation",))

@@ -14,6 +14,7 @@ def _runs(name: str, *numbers: int) -> rs.Runs:
     return rs.read(*(folder / f"run{k}.BIN" for k in numbers), vehicle=folder / "rover.toml")
 
 
+@pytest.mark.slow
 def test_an_effect_hidden_by_the_nominal_fit_is_found_from_its_own_size() -> None:
     """Set c: the nominal fit is wrong by 40 % in C and 80 % in Izz, with a local minimum at no relaxation."""
     found = rs.diagnose(_runs("c", 1), only=("tyre_relaxation",))

@@ -42,6 +42,7 @@ def test_a_loss_beyond_the_wheels_own_is_found_and_sized(tmp_path: Path, seed: i
     assert 0.04 < found.low < found.loss < found.high < 0.1
 
 
+@pytest.mark.slow
 def test_the_drag_of_the_turned_wheels_is_not_a_finding(tmp_path: Path) -> None:
     assert not _driven(tmp_path, 3).found
 

@@ -59,6 +59,7 @@ LONG = (
     "python - <<'END'\nimport rover_sweep as rs\n\ndriven =",
 )
 QUICK = [p for p in PAGES if p.stem in ("README", "tutorial", "vehicle-file", "simulation", "throttle")]
+SLOW = {"simulation": pytest.mark.slow, "throttle": pytest.mark.slow}
 
 
 def beginning(command: str, of: tuple[str, ...]) -> str:
@@ -145,7 +146,7 @@ def test_the_python_of_readme_is_that_of_its_page() -> None:
     assert len(blocks) == 2 and blocks[0] == blocks[1] != []  # test_python_api runs it
 
 
-@pytest.mark.parametrize("page", QUICK, ids=lambda page: page.stem)
+@pytest.mark.parametrize("page", [pytest.param(p, id=p.stem, marks=SLOW.get(p.stem, ())) for p in QUICK])
 def test_quick_commands_run_as_printed(page: Path, checkout: Path, tmp_path: Path) -> None:
     said = follow(quick(page), checkout, tmp_path)
     for commands, shown in answers(page):

@@ -20,6 +20,9 @@ from tests.foreign.recorded import drives
 
 SECONDS = 11.0
 STEERED = 6.0
+ENGINES = [  # the others are compiled for 20 s each
+    n if n in ("foreign", "mujoco", "slipx") else pytest.param(n, marks=pytest.mark.slow) for n in MODULES
+]
 
 
 def used(name: str) -> Engine:
@@ -47,7 +50,7 @@ def driven_by(name: str, some: EngineRover, sign: float = 1.0) -> Signals:
     return used(name).signals(some, command, np.where(t > 0.5, some.speed, 0.0), around, 0.3)
 
 
-@pytest.mark.parametrize("name", MODULES)
+@pytest.mark.parametrize("name", ENGINES)
 def test_a_left_turn_has_the_signs_of_iso(name: str) -> None:
     x = turned(name)
     assert set(x) >= set(CHANNELS)
@@ -59,7 +62,7 @@ def test_a_left_turn_has_the_signs_of_iso(name: str) -> None:
     assert np.max(x["p"][begin]) > 0.01
 
 
-@pytest.mark.parametrize("name", MODULES)
+@pytest.mark.parametrize("name", ENGINES)
 def test_a_steady_turn_obeys_kinematics(name: str) -> None:
     some, x = rover(name), turned(name)
     n = some.numbers
@@ -74,7 +77,7 @@ def test_a_steady_turn_obeys_kinematics(name: str) -> None:
     assert np.mean(x["phi"][end]) == pytest.approx(lean, rel=0.35)
 
 
-@pytest.mark.parametrize("name", MODULES)
+@pytest.mark.parametrize("name", ENGINES)
 def test_right_mirrors_left(name: str) -> None:
     left, right = turned(name), turned(name, -1.0)
     for c in ("r", "p", "ay", "vy", "phi"):
@@ -82,7 +85,7 @@ def test_right_mirrors_left(name: str) -> None:
     assert np.allclose(left["speed"], right["speed"], atol=1e-3)
 
 
-@pytest.mark.parametrize("name", MODULES)
+@pytest.mark.parametrize("name", ENGINES)
 def test_a_size_of_zero_changes_nothing_and_the_imu_moves_with_a_rigid_body(name: str) -> None:
     some, plain = rover(name), turned(name)
     same = driven_by(name, some.having(pendulum=0.0, mast=0.0, slip_speed=0.0, plysteer=0.0, spool=0.0))
@@ -126,7 +129,7 @@ def test_the_same_arguments_give_the_same_set(tmp_path: Path) -> None:
     assert [r.kind for r in (*one.runs, *one.held_out)] == ["sweep", "sweep", "sweep", "doublet"]
 
 
-@pytest.mark.parametrize("name", [name for name in MODULES if name != "foreign"])
+@pytest.mark.parametrize("name", ENGINES[1:])
 def test_the_tool_reads_a_run_of_each_engine(name: str) -> None:
     some = drawn_rover(np.random.default_rng(2), used(name).sizes[0])
     drive = drives(np.random.default_rng(3), some)[3]
@@ -138,7 +141,7 @@ def test_the_tool_reads_a_run_of_each_engine(name: str) -> None:
         assert low < np.std((noisy[c] - plain[c])[inside]) < high, c
 
 
-@pytest.mark.parametrize("name", MODULES)
+@pytest.mark.parametrize("name", ENGINES)
 def test_every_effect_outside_has_a_place(name: str) -> None:
     assert {law.effect for law in used(name).outside} <= set(used(name).places)
     assert import_module(MODULES[name][0]).ENGINE.name == name

@@ -267,6 +267,7 @@ def test_a_command_where_it_was_set_waited_for_the_main_loop_and_that_is_off_the
         assert from_identification(document).structure.values["tau"] == pytest.approx(tau - wait)
 
 
+@pytest.mark.slow
 def test_the_requirement_that_no_gains_meet_is_named(proposal: Proposal, monkeypatch: pytest.MonkeyPatch):
     found, most = proposal.found, unbounded(LOOP.gains)
     family = family_of(found, LOOP, 2.5)

@@ -111,6 +111,7 @@ def test_the_spread_goes_with_the_noise_and_with_the_root_of_the_runs(clean):
         assert many.sd / shared.sd == pytest.approx(np.sqrt(2), rel=0.35), few.name
 
 
+@pytest.mark.slow
 def test_intervals_hold_the_truth(clean):
     """Of 14 draws and five parameters 63 on average; sd near the scatter of the estimates."""
     draws = [drawn([clean], 1.0, 60, seed) for seed in range(14)]

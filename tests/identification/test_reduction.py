@@ -35,6 +35,7 @@ def fixed(model) -> dict[str, float]:
     return {s.parameter: s.value for s in model.reduction if s.dropped}
 
 
+@pytest.mark.slow
 def test_what_the_papers_authors_fixed_is_fixed_on_the_virtual_rover(nominal):
     """Table 3: Ixx at the swing test's value, Ixz at zero, h at the observed geometry; the rest free."""
     model = rs.identify(nominal, models=["roll-yaw"], free=FREED).models["roll-yaw"]

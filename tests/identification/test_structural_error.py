@@ -10,6 +10,8 @@ from rover_sweep.identification.bootstrap import stiffness_loss, with_intervals,
 from rover_sweep.identification.grouping import Settings
 from tests.benchmarks.interval_coverage import handling_checked, identified, parameters_checked, rover_named
 
+pytestmark = pytest.mark.slow
+
 SEEDS = (501, 502)  # of the benchmark's, in which 9 or 10 of 10 held each truth
 
 

@@ -128,6 +128,7 @@ def repeated(
     return sweep_driven(round(weak[1].amplitude), tmp_path_factory.mktemp("repeated") / "session")
 
 
+@pytest.mark.slow
 def test_driven_with_what_was_proposed_the_coherence_is_what_was_forecast(
     weak: tuple[Recording, AmplitudeProposal], repeated: tuple[Recording, AmplitudeProposal]
 ) -> None:

@@ -5,7 +5,7 @@ import pytest
 from rover_sweep.study.virtual_study import Study, study
 
 
-@pytest.fixture(scope="session")
-def done() -> Study:
+@pytest.fixture(scope="session", params=[pytest.param(1, marks=pytest.mark.slow)])
+def done(request: pytest.FixtureRequest) -> Study:
     """The study of seed 1."""
-    return study(1)
+    return study(request.param)

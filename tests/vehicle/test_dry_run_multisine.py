@@ -50,6 +50,7 @@ def test_lopsided_steering_shows_at_even_lines(tmp_path: Path) -> None:
         assert levels["r"].third < levels["r"].second - 6
 
 
+@pytest.mark.slow
 def test_cubic_linkage_shows_at_odd_lines_left_out(tmp_path: Path) -> None:
     levels = shown(driven(tmp_path, CUBIC)[0])
     assert levels["r"].third_detected and levels["r"].third > levels["pwm"].third + 10

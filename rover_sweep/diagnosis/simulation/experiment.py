@@ -8,8 +8,8 @@ from functools import cached_property
 
 import numpy as np
 from scipy.fft import next_fast_len
-from scipy.ndimage import gaussian_filter1d
-from scipy.signal import lfilter
+from scipy.signal import lfilter, oaconvolve
+from scipy.signal.windows import gaussian
 
 from rover_sweep.data.recording import Array, LowPass, Recording, Signal
 
@@ -129,12 +129,19 @@ class Experiment:
 
 def _quick(x: Array) -> Array:
     """The changes (n,) of x within `STEADIED`."""
-    return np.asarray(x - gaussian_filter1d(x, STEADIED * RATE, mode="nearest"))
+    return np.asarray(x - _smooth(x, STEADIED))
+
+
+def _smooth(x: Array, seconds: float) -> Array:
+    """x (n,) behind a Gaussian of this standard deviation, by the Fourier transform: it has 3000 points."""
+    reach = round(4 * seconds * RATE)
+    weights = gaussian(2 * reach + 1, seconds * RATE)
+    return np.asarray(oaconvolve(np.pad(x, reach, mode="edge"), weights / weights.sum(), mode="valid"))
 
 
 def _may_be_error(changes: Array) -> Array:
     """Share (n,) of changes of the speed that is not too large for an error, within some seconds."""
-    power = gaussian_filter1d(changes**2, RATE, mode="nearest")
+    power = _smooth(changes**2, 1.0)
     return np.asarray(np.minimum(1.0, (3.0 * SPEED_ERROR) ** 2 / np.maximum(power, 1e-12)))
 
 
