@@ -90,7 +90,7 @@ def _logs(
         known |= files
         for log in logs:
             try:
-                usable.append(usable_log(log))
+                usable.append(usable_log(log, steering_wheel=True))
             except DataRefused as refusal:  # of one start of the vehicle; others may be usable
                 refusals.append(refusal)
     if not usable:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from math import pi, sqrt
 from typing import Literal
 
@@ -12,8 +12,9 @@ import numpy as np
 from rover_sweep.data.geometry import GRAVITY
 from rover_sweep.data.recording import Array, Signal
 from rover_sweep.data.results import ByName, Quantity, ShortTable, Shown, ends_words, number, plain_number
+from rover_sweep.driving.agreement import disagreeing
 from rover_sweep.driving.fit import OF_SPEED, DrivingFit, fit_driving, precision_with
-from rover_sweep.driving.stretches import FASTEST_TURN, RATE, DrivenPart, Driving, usable_driving
+from rover_sweep.driving.stretches import RATE, DrivenPart, Driving, usable_driving
 from rover_sweep.logs.log import Log
 from rover_sweep.manoeuvre.sweep import Sweep
 
@@ -37,7 +38,8 @@ class DrivingAnswer(Shown):
     `rs.identify_driving`. unknown: what the driving cannot show, and why. driving: what was used; fit: None
     where nothing could be fitted. speeds: (5 %, 50 %, 95 %) of the speed in turns, m/s. amplitude: 95 % of
     the time, the steering is within +- it of straight ahead. band: (lowest, highest) Hz that hold 90 % of the
-    steering's power. after_sweep: (number, half width of its interval) if a sweep were added.
+    steering's power. after_sweep: (number, half width of its interval) if a sweep were added. each: {file:
+    its own answer} of files that do not agree, of which there are no common numbers.
     """
 
     level: Level
@@ -50,12 +52,15 @@ class DrivingAnswer(Shown):
     amplitude: float = 0.0
     band: tuple[float, float] = (0.0, 0.0)
     after_sweep: tuple[tuple[str, float], ...] = ()
+    each: Mapping[str, DrivingAnswer] = field(default_factory=dict)
 
     def table(self) -> ShortTable:
         """The numbers with their intervals, and what stays unknown."""
+        every = [("", self.numbers), *((f" of {name}", answer.numbers) for name, answer in self.each.items())]
         rows = tuple(
-            (q.name, plain_number(q.value), q.unit, ends_words(q.low, q.high), q.meaning)
-            for q in self.numbers
+            (f"{q.name}{of}", plain_number(q.value), q.unit, ends_words(q.low, q.high), q.meaning)
+            for of, numbers in every
+            for q in numbers
         )
         title = f"steering from {self.driving.seconds:.0f} s of driving: {self.level}"
         headings = ("number", "value", "unit", "90 % interval", "meaning")
@@ -63,7 +68,30 @@ class DrivingAnswer(Shown):
 
 
 def answer_from(logs: Sequence[Log], wheelbase: float | None = None) -> DrivingAnswer:
-    """What these logs of one rover show. wheelbase [m] turns some numbers into physical ones."""
+    """What these logs show together, or each file of its own where their numbers disagree.
+
+    wheelbase [m] turns some numbers into physical ones.
+    """
+    files: dict[tuple[tuple[str, str], ...], list[Log]] = {}
+    for log in logs:
+        files.setdefault(log.sources, []).append(log)
+    if len(files) == 1:
+        return _together(logs, wheelbase)
+    each: dict[str, DrivingAnswer] = {}
+    for k, (sources, of_file) in enumerate(files.items()):
+        name = "+".join(name for name, _ in sources)
+        each[f"{name} ({k + 1})" if name in each else name] = _together(of_file, wheelbase)
+    if not (names := disagreeing([(a.numbers, a.speeds[1]) for a in each.values() if a.numbers])):
+        return _together(logs, wheelbase)
+    why = (
+        f"the logs do not agree on {' and '.join(name.replace('_', ' ') for name in names)}: the rover was "
+        "changed between them, or they are of several rovers"
+    )
+    return DrivingAnswer("none", ByName(()), (why,), (), usable_driving(logs), each=each)
+
+
+def _together(logs: Sequence[Log], wheelbase: float | None) -> DrivingAnswer:
+    """What these logs of one rover show."""
     driving = usable_driving(logs)
     used = driving.stretches
     if driving.seconds < LEAST_SECONDS:
@@ -145,9 +173,13 @@ def _numbers(
             "straight", "rad", fit["straight"], {"straight": 1.0}, "steering angle that drives straight ahead"
         )
     if wheelbase:
-        name, unit = ("rad_per_us", "rad/us") if in_us else ("steering_scale", "-")
-        words = "road-wheel angle for each us" if in_us else "true over recorded steering angle"
-        add(name, unit, abs(gain) * wheelbase, {"gain": wheelbase}, words)
+        if in_us:
+            words = "road-wheel angle for each us"
+            add("rad_per_us", "rad/us", abs(gain) * wheelbase, {"gain": wheelbase}, words)
+        else:
+            ratio = 1 / (abs(gain) * wheelbase)
+            words = "recorded steering angle over the wheels' angle: 1 where it is the wheels' own"
+            add("steering_ratio", "-", ratio, {"gain": ratio / gain}, words)
     if in_us and driving.limits:
         reach = max(abs(end - fit["straight"]) for end in driving.limits)
         add(
@@ -257,7 +289,7 @@ def _after_sweep(
 ) -> tuple[tuple[str, float], ...]:
     """{number: half width} of the intervals if `SWEEP` at `SWEEP_SPEED` were added to the driving."""
     t = np.arange(0.0, SWEEP.duration, 1 / RATE)
-    speed = min(SWEEP_SPEED, sqrt(FASTEST_TURN / abs(fit["gain"] * SWEEP.amplitude)))
+    speed = min(SWEEP_SPEED, sqrt(HARD_TURN / abs(fit["gain"] * SWEEP.amplitude)))
     steering = Signal(t, fit["straight"] + SWEEP.wave(t), "us")
     of_sweep = DrivenPart(
         "sweep", t, np.full(t.size, speed), np.zeros(t.size), steering, driving.stretches[0].low_pass

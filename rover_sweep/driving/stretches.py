@@ -18,7 +18,7 @@ RATE = 50.0  # Hz of the grid: ten times the fastest steering that a rover answe
 SLOWEST = 0.3  # m/s; below it, the noise of the speed is a large share of the speed
 SHORTEST = 4.0  # s of driving without an interruption
 HOLE = 0.5  # s between samples of one channel; the driving is cut there
-FASTEST_TURN = 4.0  # m/s^2 of V r: beyond it, tyres slide
+FASTEST_TURN = 6.0  # m/s^2 of V r: beyond it, tyres slide; up to it, the bend of the law follows them
 STAIRCASE_HZ = 30.0  # a slower record of the steering is samples of something finer and is interpolated
 
 

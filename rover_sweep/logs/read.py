@@ -15,7 +15,7 @@ from rover_sweep.errors import DataRefused, UsageError
 from rover_sweep.logs.find import find_runs
 from rover_sweep.logs.judgement import refuse_unexcited, refuse_useless, with_notes
 from rover_sweep.logs.log import Log
-from rover_sweep.logs.readers.csv_table import read_csv, screened
+from rover_sweep.logs.readers.csv_table import STEERING_WHEEL, read_csv, screened
 from rover_sweep.logs.readers.dataflash import open_parts
 from rover_sweep.logs.readers.dataflash_channels import read_dataflash
 from rover_sweep.logs.readers.tlog_channels import read_telemetry
@@ -60,9 +60,12 @@ def runs_of(whole: Log) -> tuple[Recording, ...]:
     return tuple(with_notes(run, log) for run in found)
 
 
-def usable_log(whole: Log) -> Log:
-    """The log without impossible samples; DataRefused where it can hold no driving of a rover."""
-    log = screened(whole)
+def usable_log(whole: Log, steering_wheel: bool = False) -> Log:
+    """The log without impossible samples; DataRefused where it can hold no driving of a rover.
+
+    steering_wheel: the steering angle may be that of a steering wheel.
+    """
+    log = screened(whole, STEERING_WHEEL) if steering_wheel else screened(whole)
     refuse_useless(log)
     return log
 

@@ -56,6 +56,7 @@ def driving_document(answer: DrivingAnswer) -> dict[str, Any]:
         "steering_amplitude": answer.amplitude,
         "steering_band_hz": list(answer.band),
         "half_width_after_sweep": dict(answer.after_sweep),
+        "each": {name: driving_document(of_file) for name, of_file in answer.each.items()},
     }
 
 
@@ -69,6 +70,7 @@ def driving_report(answer: DrivingAnswer, names: str) -> Document:
             Sentence(_first(answer), "strong", badge=Badge(answer.level, TONES[answer.level])),
             *items([sentence(words) for words in answer.reasons]),
             _numbers(answer),
+            *(_numbers(of_file, name) for name, of_file in answer.each.items()),
             *(Sentence(sentence(words)) for words in _remarks(answer)),
         ),
         (
@@ -82,6 +84,8 @@ def driving_report(answer: DrivingAnswer, names: str) -> Document:
 
 def _first(answer: DrivingAnswer) -> str:
     found = answer.numbers
+    if answer.each:
+        return "These logs are not of one rover in one state: the numbers of each follow."
     if answer.level == "none":
         return "This driving does not show how the rover steers."
     late = ""
@@ -96,7 +100,7 @@ def _first(answer: DrivingAnswer) -> str:
     return f"The rover turns as one of {seen} m wheelbase would for the recorded angle{late}."
 
 
-def _numbers(answer: DrivingAnswer) -> Table | None:
+def _numbers(answer: DrivingAnswer, of: str = "the steering") -> Table | None:
     rows = []
     for q in answer.numbers:
         scale, shown = (1000.0, "ms") if q.unit == "s" else (1.0, unit(q.unit))
@@ -107,7 +111,7 @@ def _numbers(answer: DrivingAnswer) -> Table | None:
         value = Cell(number(scale * q.value, digits), "strong")
         rows.append((name, Cell(unit(q.meaning)), value, Cell(shown), Cell(words)))
     headings = ("", "meaning", "value", "unit", "90 % interval")
-    return Table("Numbers of the steering", headings, tuple(rows), text_columns=(0, 1, 3)) if rows else None
+    return Table(f"Numbers of {of}", headings, tuple(rows), text_columns=(0, 1, 3)) if rows else None
 
 
 def _remarks(answer: DrivingAnswer) -> Iterator[str]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from math import degrees
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +15,7 @@ from sitl.redrive.course import Array, Course
 from sitl.redrive.open_loop import redrive
 
 STEP = 0.02  # s, of the main loop
+GRAVITY = 9.81
 OUTPUTS = {"SERVO1_FUNCTION": 26, "SERVO3_FUNCTION": 70, "INS_GYRO_FILTER": 20}
 
 
@@ -61,3 +64,30 @@ def recorded(steering: Array, speed: Array, rover: PlantParameters, out: Path, s
     pwm = rover.steering_trim_us + np.round(steering)
     redrive(Course(t, pwm, speed, t, pwm, parameters=OUTPUTS), rover, out, seed)
     return out
+
+
+@dataclass(frozen=True)
+class TrueSteering:
+    """Of the linear bicycle at zero slip: curvature [1/m per 100 us], K_us [deg/g], response time [s]."""
+
+    curvature: float
+    understeer_gradient: float
+    response_time: float
+
+
+def true_steering(rover: PlantParameters, speed: float) -> TrueSteering:
+    """The numbers that driving should show at this speed. The response time: that of slow steering.
+
+    r/delta = (B1 s + B0)/(m I s^2 + D1 s + D0) is late by D1/D0 - B1/B0 at low frequency.
+    """
+    m, a, b = rover.mass, rover.cg_to_front_axle, rover.cg_to_rear_axle
+    front, rear = rover.front_cornering_stiffness, rover.rear_cornering_stiffness
+    wheelbase, both = a + b, front * rear * (a + b)
+    d1 = m * (a**2 * front + b**2 * rear) + rover.yaw_inertia * (front + rear)
+    d0 = both * wheelbase / speed - m * speed * (a * front - b * rear)
+    late = d1 / d0 - a * front * m * speed / both
+    return TrueSteering(
+        100 * rover.rad_per_us / wheelbase,
+        degrees(m / wheelbase * (b / front - a / rear)) * GRAVITY,
+        rover.servo_delay + rover.servo_lag + late,
+    )

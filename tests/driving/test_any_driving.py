@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from any_drives import hand_driving, mission, recorded
+from any_drives import hand_driving, mission, recorded, true_steering
 
 import rover_sweep as rs
 from rover_sweep.api import driving
@@ -18,17 +18,7 @@ from sitl.plant.variant import load_variant
 
 ROVER = load_variant("nominal")
 WHEELBASE = ROVER.cg_to_front_axle + ROVER.cg_to_rear_axle
-CURVATURE = 100 * ROVER.rad_per_us / WHEELBASE
-
-
-def response_time(speed):
-    """Delay and lags of the simulated rover, s: its servo, and the linear bicycle's yaw at low frequency."""
-    p = ROVER
-    damping = (
-        p.cg_to_front_axle**2 * p.front_cornering_stiffness
-        + p.cg_to_rear_axle**2 * p.rear_cornering_stiffness
-    )
-    return p.servo_delay + p.servo_lag + p.yaw_inertia * speed / damping
+CURVATURE = true_steering(ROVER, 1.0).curvature
 
 
 @pytest.fixture(scope="module", params=[hand_driving, mission])
@@ -45,7 +35,9 @@ def test_gain_delay_and_trim_are_the_rovers(driven):
     assert answer.level == "good"
     assert found["curvature"].value == pytest.approx(CURVATURE, rel=0.03)
     assert found["rad_per_us"].value == pytest.approx(ROVER.rad_per_us, rel=0.03)
-    assert found["response_time"].value == pytest.approx(response_time(answer.speeds[1]), abs=0.01)
+    assert found["response_time"].value == pytest.approx(
+        true_steering(ROVER, answer.speeds[1]).response_time, abs=0.01
+    )
     assert found["straight"].low - 3 < 1500 < found["straight"].high + 3
     assert found["delay"].low < ROVER.servo_delay < found["delay"].high
 
@@ -219,3 +211,53 @@ def test_a_copters_log_is_refused_by_name(driven, monkeypatch):
     monkeypatch.setattr(driving, "read_logs", copter)
     with pytest.raises(rs.DataRefused, match="is the log of a copter"):
         rs.identify_driving(driven[0])
+
+
+def test_logs_that_disagree_give_the_numbers_of_each(tmp_path):
+    """Another trim, and nothing else, or another linkage; the same rover twice is pooled."""
+    rovers = {
+        "one": ROVER,
+        "again": ROVER,
+        "trimmed": replace(ROVER, steering_trim_us=ROVER.steering_trim_us + 25),
+        "other": replace(ROVER, rad_per_us=0.8 * ROVER.rad_per_us),
+    }
+    paths = {}
+    for k, (name, rover) in enumerate(rovers.items()):
+        steering, speed = hand_driving(60, np.random.default_rng(k))
+        # the drive's steering is about the rover's own trim
+        paths[name] = recorded(steering, speed, rover, tmp_path / f"{name}.BIN", k)
+    same = rs.identify_driving(paths["one"], paths["again"])
+    assert same.level == "good" and not same.each
+    for name, differs in (("trimmed", "straight"), ("other", "curvature")):
+        answer = rs.identify_driving(paths["one"], paths[name])
+        assert answer.level == "none" and not answer.numbers
+        assert f"do not agree on {differs}:" in answer.reasons[0]
+        assert list(answer.each) == ["one.BIN", f"{name}.BIN"]
+        page = answer.report(tmp_path / name)
+        assert f"Numbers of {name}.BIN" in page.page.read_text()
+        assert json.loads(page.document.read_text())["each"][f"{name}.BIN"]["numbers"]["curvature"]
+        assert f"curvature of {name}.BIN" in str(answer)
+
+
+def test_the_ratio_of_a_steering_wheel_is_found(tmp_path):
+    """CSV in degrees at the steering wheel, 16 to 1, with the wheelbase; without it the wheelbase seen."""
+    steering, speed = hand_driving(90, np.random.default_rng(3))
+    (log,) = read_logs(str(recorded(steering, speed, ROVER, tmp_path / "drive.BIN", 3)))
+    t = log.signals["r"].t
+    turned = -np.degrees(ROVER.rad_per_us * (log.steering[0].on(t) - ROVER.steering_trim_us)) * 16
+    v, r = log.signals["speed"].on(t), log.signals["r"].x
+    path = tmp_path / "drive.csv"
+    rows = np.column_stack((t, turned, r, v))
+    np.savetxt(path, rows, delimiter=",", header="t,wheel,r,v", comments="")
+    columns = {
+        "time": "t",
+        "delta": {"column": "wheel", "unit": "deg"},
+        "r": "r",
+        "speed": "v",
+        "runs": "whole",
+    }
+    q = rs.identify_driving(path, columns=columns, wheelbase=WHEELBASE).numbers["steering_ratio"]
+    assert q.value == pytest.approx(16, rel=0.03) and q.low < 16 < q.high
+    seen = rs.identify_driving(path, columns=columns).numbers
+    assert "steering_ratio" not in seen
+    assert seen["wheelbase_seen"].value == pytest.approx(16 * WHEELBASE, rel=0.03)

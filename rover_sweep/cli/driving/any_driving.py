@@ -28,10 +28,11 @@ def show_instead(
 ) -> bool:
     """Show what the driving says where it says anything; False without. why: no models can be identified."""
     answer = driving_of(runs, reading, wheelbase)
-    if answer.level != "none":
+    says = answer.level != "none" or bool(answer.each)
+    if says:
         known = f"This is what the driving shows, with the wheelbase of the vehicle file ({wheelbase:g} m)."
         show_driving(answer, out, as_json, f"No models: {why}. {known}")
-    return answer.level != "none"
+    return says
 
 
 def show_driving(answer: DrivingIdentification, out: Path, as_json: bool, why: str) -> None:

@@ -222,6 +222,7 @@ POSSIBLE: Mapping[str, tuple[float, float]] = {
     "pwm": (500.0, 2500.0),
     "delta": (-np.pi / 2, np.pi / 2),
 }
+STEERING_WHEEL = 6 * np.pi  # rad, three turns to one side
 OUTPUTS = ("pwm", "throttle")  # 0 us is an output that is switched off
 OTHER_UNIT = {
     **dict.fromkeys(("r", "p"), "deg/s"),
@@ -232,15 +233,18 @@ RESPONSES = ("r", "ay", "p", "vy")
 FEWEST = 20  # samples of a channel in a run
 
 
-def screened(log: Log) -> Log:
+def screened(log: Log, widest: float = POSSIBLE["delta"][1]) -> Log:
     """The log without samples that are not finite or impossible, with notes on them.
 
+    widest: possible steering angle to either side, rad.
     Channels and steering outputs without samples are removed. DataRefused when more than 1 % of the samples
     of a channel are impossible.
     """
     notes: list[Note] = []
-    signals = {name: _possible(log, name, s, notes) for name, s in log.signals.items()}
-    steering = [_possible(log, "delta" if s.unit == "rad" else "pwm", s, notes) for s in log.steering]
+    limits = {**POSSIBLE, "delta": (-widest, widest)}
+    signals = {name: _possible(log, name, s, limits[name], notes) for name, s in log.signals.items()}
+    channels = ["delta" if s.unit == "rad" else "pwm" for s in log.steering]
+    steering = [_possible(log, c, s, limits[c], notes) for c, s in zip(channels, log.steering, strict=True)]
     return replace(
         log,
         signals={name: s for name, s in signals.items() if s.t.size},
@@ -249,8 +253,10 @@ def screened(log: Log) -> Log:
     )
 
 
-def _possible(log: Log, channel: str, signal: Signal, notes: list[Note]) -> Signal:
-    low, high = POSSIBLE[channel]
+def _possible(
+    log: Log, channel: str, signal: Signal, limits: tuple[float, float], notes: list[Note]
+) -> Signal:
+    low, high = limits
     off = (signal.x == 0) & (channel in OUTPUTS)
     wrong: NDArray[np.bool_] = ~off & ~(np.isfinite(signal.x) & (signal.x >= low) & (signal.x <= high))
     count = int(wrong.sum())
