@@ -136,12 +136,20 @@ def diagnosed(
 
 
 def _sound(given: Material) -> tuple[Material, tuple[str, ...]]:
-    """The material without faulty runs and lateral channels, and why; DataRefused where more is faulty."""
+    """The material without faulty runs and lateral channels, and why; DataRefused where more is faulty.
+
+    Runs in reverse are left out, except where there are no others.
+    """
     refuse_without_sweep(given.runs)
+    ahead, checks_ahead = (tuple(r for r in s if r.mean_speed >= 0) for s in (given.runs, given.held_out))
+    back = [r.name for r in (*given.runs, *given.held_out) if r.mean_speed < 0] if ahead else []
+    if back:
+        given = replace(given, runs=ahead, held_out=checks_ahead)
     sound, checks, apart = without_faulty(given.runs, given.held_out, ())
     given = replace(given, runs=sound, held_out=checks)
     runs = with_rovers((*with_length(given.runs), *given.held_out))
     without, why = faulty_channels(runs)
+    apart = (*apart, *((f"left out {', '.join(back)}: driven in reverse",) if back else ()))
     if not without:
         return given, apart
     left = {c for run in runs for c in run.channels} - without

@@ -110,7 +110,11 @@ def with_numbers(found: Identification, vehicle: Vehicle) -> Identification:
     runs = [
         replace(run, channels={c: s for c, s in run.channels.items() if c not in left_out})
         for run in identified_runs(found)
+        if run.mean_speed > 0
     ]
+    if not runs:
+        why = "numbers with normal tolerances need runs forward: all of these were driven in reverse"
+        return replace(found, summary=(*found.summary, why))
     spread = known(vehicle, tolerances_of(vehicle)).spread
     fitted = fitted_baseline(runs, found.geometry, name, spread)  # type: ignore[arg-type]
     if fitted is None:

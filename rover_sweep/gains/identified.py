@@ -170,7 +170,11 @@ def from_identification(document: Mapping[str, Any], wanted: str | None = None) 
     """
     models = document["models"]
     name = wanted or document["recommended"]
-    speeds = tuple(float(g["speed_m_s"]) for g in document["groups"])
+    forward = [g for g in document["groups"] if g["speed_m_s"] > 0]
+    speeds = tuple(abs(float(g["speed_m_s"])) for g in forward or document["groups"])
+    if not forward:
+        back = ("all runs were driven in reverse: gains need a sweep forward",)
+        return Identified(name or "no", "refused", None, {}, speeds, reasons=back)
     if name not in PHYSICAL or name not in models:
         reasons = (*document["summary"], *(f"{m}: {why}" for m, why in document["refused"].items()))
         if name in models:
@@ -182,7 +186,7 @@ def from_identification(document: Mapping[str, Any], wanted: str | None = None) 
     geometry = _geometry(document["vehicle"]["geometry"])
     structure = None if lost else _structure(name, geometry, parameters)
     run = document["runs"][0]
-    bands = [g["responses"]["r"]["band"] for g in document["groups"] if "r" in g["responses"]]
+    bands = [g["responses"]["r"]["band"] for g in forward if "r" in g["responses"]]
     usable = [b for b in bands if b]
     wait = loop_wait(run)
     return Identified(

@@ -47,7 +47,9 @@ class Settings:
 
 @dataclass(frozen=True, eq=False)
 class Group(PlainNumbers):
-    """Runs at one speed [m/s] and their composite responses {output: response} to the steering.
+    """Runs at one speed [m/s], negative in reverse, and their composite responses to the steering.
+
+    responses: {output: response}.
 
     others: {input: {output: response}} of the inputs that the responses are conditioned on; remarks:
     sentences about these inputs.
@@ -84,7 +86,7 @@ class Group(PlainNumbers):
             return (
                 f"nothing can be identified: the yaw rate follows the steering in no frequency band ({best})"
             )
-        if sign_is_wrong(r):
+        if sign_is_wrong(r, self.speed):
             return (
                 "the rover turns opposite to the recorded steering angle: change the sign of rad_per_us in "
                 "the vehicle file"
@@ -93,7 +95,10 @@ class Group(PlainNumbers):
 
 
 def grouped(runs: Sequence[Recording], settings: Settings) -> tuple[Group, ...]:
-    """Runs in groups of equal sensor filters, with mean speeds within 10 % of the first run of the group."""
+    """Runs in groups of equal sensor filters, with mean speeds within 10 % of the first run of the group.
+
+    Groups in reverse, of a negative speed, come last.
+    """
     cutoffs = [{c: f.cutoff_hz for c, f in run.filters.items()} for run in runs]
     found: dict[int, list[Recording]] = {}
     for i, run in enumerate(runs):
@@ -103,7 +108,8 @@ def grouped(runs: Sequence[Recording], settings: Settings) -> tuple[Group, ...]:
             if abs(run.mean_speed / runs[k].mean_speed - 1) <= SAME_SPEED and cutoffs[i] == cutoffs[k]
         )
         found.setdefault(next(same, i), []).append(run)
-    return tuple(side_by_side(lambda g: _group(g, settings), list(found.values())))
+    ordered = sorted(found.values(), key=lambda some: some[0].mean_speed < 0)
+    return tuple(side_by_side(lambda g: _group(g, settings), ordered))
 
 
 def steered_speed(run: Recording) -> float:

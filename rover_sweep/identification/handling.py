@@ -50,6 +50,8 @@ OF_BOTH_AXLES = ("understeer_gradient", "understeer_gradient_deg_per_g", "static
 class Handling(Shown):
     """Handling quantities {name in UNITS: value} at `speed` [m/s]; only those that exist for this rover.
 
+    At a negative speed they are those in reverse: K_us and the static margin have the other sign there.
+
     Those of the modes are as in `rover_sweep.identification.modes`. tied: one cornering stiffness C
     for both axles, so that K_us follows from a, b and C.
     """
@@ -94,6 +96,7 @@ class Handling(Shown):
         v = self.quantities[name]
         ends = f" ({v.low:.1f} to {v.high:.1f})" if v.low is not None and v.high is not None else ""
         kind = "understeers" if k.value > 0 else "oversteers"
+        kind = f"in reverse {kind}" if self.speed < 0 else kind
         return f"the rover {kind}: {between}, {name.replace('_', ' ')} {v.value:.1f} m/s{ends}"
 
     def with_understeer(self, k: Quantity, base: float) -> Handling:
@@ -230,12 +233,13 @@ def _quantities(structure: ModelStructure, speed: float) -> dict[str, float]:
     cf, cr = axle_stiffness(p)
     m, a, b = p["m"], p["a"], p["b"]
     base = a + b
-    k = m / base * (b / cf - a / cr)
+    way = -1.0 if speed < 0 else 1.0
+    k = way * m / base * (b / cf - a / cr)
     turning = base + k * speed**2
     out = {
         "understeer_gradient": k,
         "understeer_gradient_deg_per_g": float(np.degrees(k)) * GRAVITY,
-        "static_margin": (b * cr - a * cf) / (base * (cf + cr)),
+        "static_margin": way * (b * cr - a * cf) / (base * (cf + cr)),
         "yaw_rate_gain": speed / turning if turning else np.inf,
         "lateral_acceleration_gain": speed**2 / turning if turning else np.inf,
     }

@@ -280,8 +280,10 @@ def _reduced(
 def lumped_result(start: ModelStructure, work: Work) -> ModelResult:
     """The lumped model at the first speed, from the derivatives of a roll-yaw fit, reduced.
 
-    Its costs are those over the runs of all speeds, as the costs of the other models.
+    Its costs are those over the runs of all speeds in the same direction, as the costs of the other models.
     """
+    same_way = tuple(g for g in work.groups if g.speed * work.groups[0].speed > 0)
+    work = replace(work, groups=same_way)
     here = Work(work.groups[:1], work.geometry, work.verify_on, work.settings)
     conditions = here.conditions()
     first = fit(start, conditions, drawn_starts(start)).structure

@@ -3,6 +3,9 @@
 beta' = -(C0/(m V)) beta - (C1/(m V^2) + 1) r + (Cf/(m V)) delta(t - tau)
 r' = -(C1/Izz) beta - (C2/(Izz V)) r + (a Cf/Izz) delta(t - tau)
 C0 = Cf + Cr, C1 = a Cf - b Cr, C2 = a^2 Cf + b^2 Cr.
+
+In reverse the speed is negative: a tyre's force is -C ((V_y + x r)/|V| - s delta) with s the sign of V (delta
+0 at the rear), while m V r keeps V. Rows: C0, C1 s, C2 over |V|, and s Cf delta.
 """
 
 from __future__ import annotations
@@ -66,17 +69,20 @@ def axle_stiffness(p: Mapping[str, Any]) -> tuple[Any, Any]:
 
 
 def bicycle_matrices(p: Mapping[str, Any]) -> Matrices:
-    """M, F, G, H0, H1 at speed p["V"] [m/s].
+    """M, F, G, H0, H1 at speed p["V"] [m/s], negative in reverse.
 
     Outputs r, ay = V (beta' + r) + x r', vydot = V beta' + x r', with the IMU at x ahead of the CG.
     """
     cf, cr = axle_stiffness(p)
     m, v, izz, a, b, x = p["m"], p["V"], p["Izz"], p["a"], p["b"], p["imu_x"]
     c0, c1, c2 = cf + cr, a * cf - b * cr, a * a * cf + b * b * cr
+    rolling, s = abs(v), np.sign(v)
     return Matrices(
         m=np.eye(2),
-        f=np.array([[-c0 / (m * v), -c1 / (m * v * v) - 1], [-c1 / izz, -c2 / (izz * v)]]),
-        g=np.array([cf / (m * v), a * cf / izz]),
+        f=np.array(
+            [[-c0 / (m * rolling), -c1 / (m * v * rolling) - 1], [-s * c1 / izz, -c2 / (izz * rolling)]]
+        ),
+        g=np.array([cf / (m * rolling), s * a * cf / izz]),
         h0=np.array([[0, 1], [0, v], [0, 0]]),
         h1=np.array([[0, 0], [v, x], [v, x]]),
     )
@@ -321,7 +327,7 @@ def roll_yaw(geometry: Geometry, tied: bool = True) -> ModelStructure:
 
 
 def roll_yaw_matrices(p: Mapping[str, Any]) -> Matrices:
-    """M, F, G, H0, H1 at speed p["V"] [m/s].
+    """M, F, G, H0, H1 at speed p["V"] [m/s], negative in reverse.
 
     Outputs r, ay = V_y' + V r + x r' - z p' + g phi, vydot = V_y' + x r' - z p', p, with the IMU at
     x ahead of the CG and z above the roll axis.
@@ -330,7 +336,7 @@ def roll_yaw_matrices(p: Mapping[str, Any]) -> Matrices:
     m, ms, h, v = p["m"], p["ms"], p["h"], p["V"]
     a, b, x, z = p["a"], p["b"], p["imu_x"], p["imu_z"]
     c0, c1, c2 = cf + cr, a * cf - b * cr, a * a * cf + b * b * cr
-    ixz = p["Ixz"]
+    ixz, rolling, s = p["Ixz"], abs(v), np.sign(v)
     return Matrices(
         m=np.array(
             [
@@ -342,13 +348,13 @@ def roll_yaw_matrices(p: Mapping[str, Any]) -> Matrices:
         ),
         f=np.array(
             [
-                [-c0 / v, -c1 / v - m * v, 0, 0],
-                [-c1 / v, -c2 / v, 0, 0],
+                [-c0 / rolling, -c1 / rolling - m * v, 0, 0],
+                [-c1 / rolling, -c2 / rolling, 0, 0],
                 [0, h * ms * v, -p["b_phi"], -p["k_phi"] + ms * p["g"] * h],
                 [0, 0, 1, 0],
             ]
         ),
-        g=np.array([cf, a * cf, 0, 0]),
+        g=np.array([s * cf, s * a * cf, 0, 0]),
         h0=np.array([[0, 1, 0, 0], [0, v, 0, p["g"]], [0, 0, 0, 0], [0, 0, 1, 0]]),
         h1=np.array([[0, 0, 0, 0], [1, x, -z, 0], [1, x, -z, 0], [0, 0, 0, 0]]),
     )

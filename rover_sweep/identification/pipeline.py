@@ -17,6 +17,7 @@ from rover_sweep.data.recording import Recording
 from rover_sweep.data.results import ByName, PlainNumbers, Quantity, ShortTable, Shown, band_words, number
 from rover_sweep.data.vehicle_file import Vehicle
 from rover_sweep.identification.bootstrap import with_intervals
+from rover_sweep.identification.both_ways import BothWays, both_ways, differences
 from rover_sweep.identification.fit import Condition, FitResult, costs, drawn_starts, fit, has_zero_response
 from rover_sweep.identification.grouping import MODELS, Group, Settings, grouped
 from rover_sweep.identification.handling import Handling, gain_error, handling, has_handling
@@ -198,8 +199,9 @@ class Identification(PlainNumbers, Shown):
     has the kinematic model, which shows whether the data hold any effect of the tyres. numbers: of the rover,
     with errors of the vehicle file and normal tolerances allowed for, where they were asked for and a model
     with tyres fits; those of `models` are of a fit of the responses alone, as CIFER's. by_amplitude: the
-    tyres of the recommended model, from each run alone. residual {channel: mean square of what the model of
-    `numbers` leaves of the recorded motion, over that of the noise}: about 1 where only noise is left.
+    tyres of the recommended model, from each run alone. both_ways: its parameters and the steering forward
+    and in reverse, where both were driven. residual {channel: mean square of what the model of `numbers`
+    leaves of the recorded motion, over that of the noise}: about 1 where only noise is left.
     """
 
     geometry: Geometry
@@ -212,6 +214,7 @@ class Identification(PlainNumbers, Shown):
     summary: tuple[str, ...]
     numbers: ByName[Quantity] = field(default_factory=ByName)
     by_amplitude: tuple[RunStiffness, ...] = ()
+    both_ways: tuple[BothWays, ...] = ()
     residual: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -344,8 +347,12 @@ def identify(
     faults = tuple(dict.fromkeys(sentence for found in spoilt.values() for sentence in found))
     best, sentences = recommendation(models, no_tyres, faults)
     tyres = stiffness_by_amplitude(models[best], work) if best in PHYSICAL else ()
-    said = (*sentences, *remarks)
-    return Identification(geometry, wanted, groups, quality, models, refused, best, said, by_amplitude=tyres)
+    compared = next((n for n in (best, *PHYSICAL) if n in PHYSICAL and n in models and not no_tyres), None)
+    pairs = both_ways(models[compared], work) if compared else ()
+    said = (*sentences, *differences(pairs), *remarks)
+    return Identification(
+        geometry, wanted, groups, quality, models, refused, best, said, by_amplitude=tyres, both_ways=pairs
+    )
 
 
 def _runs(groups: Sequence[Group]) -> tuple[Recording, ...]:

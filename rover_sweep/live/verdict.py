@@ -143,10 +143,10 @@ def _repeat_stopped(
     return Verdict(planned.name, "repeat", sentence, source=tlog, throttle=throttle)
 
 
-def side_remark(found: Mapping[str, FrequencyResponse]) -> Iterator[str]:
+def side_remark(found: Mapping[str, FrequencyResponse], speed: float) -> Iterator[str]:
     """A remark if the linkage is reversed, so that rad_per_us of the vehicle file must be negative."""
     r = found["r"]
-    if r.input == "pwm" and not sign_is_wrong(r):
+    if r.input == "pwm" and not sign_is_wrong(r, speed):
         yield "a larger PWM turns this rover left: rad_per_us of its vehicle file is negative"
 
 
@@ -197,7 +197,7 @@ def verdict_on_run(run: Recording, vehicle: Vehicle | None = None) -> Verdict:
         remarks=(
             *(f"{response}: {words}" for response, words in spoken(by_band).items()),
             *((f"amplitude: {proposal.sentence}",) if proposal.sentence else ()),
-            *(side_remark(found) if vehicle is None else ()),
+            *(side_remark(found, run.mean_speed) if vehicle is None else ()),
             *remarks,
         ),
         curves=response_curves(found, vehicle.rad_per_us.value if vehicle and vehicle.rad_per_us else None),

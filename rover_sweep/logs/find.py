@@ -107,9 +107,9 @@ def _windows(log: Log) -> list[Window]:
 def _whole(log: Log) -> list[Window]:
     """One window, from the first to the last time at the median speed."""
     speed = log.signals["speed"]
-    driving = speed.x > STILL_SPEED
+    driving = np.abs(speed.x) > STILL_SPEED
     usual = float(np.median(speed.x[driving])) if driving.any() else np.inf
-    at_speed = speed.t[speed.x > (1 - SAME_SPEED) * usual]
+    at_speed = speed.t[speed.x * np.sign(usual) > (1 - SAME_SPEED) * abs(usual)]
     return [Window(float(at_speed[0]), float(at_speed[-1]))] if at_speed.size else []
 
 
@@ -124,7 +124,7 @@ def _without_holes(log: Log, w: Window) -> list[Window]:
 def _is_excited(log: Log, w: Window) -> bool:
     """True when the rover moves and is steered within the window."""
     speed, steering = log.signals["speed"].between(w.start, w.end).x, log.steering[0].between(w.start, w.end)
-    if speed.size == 0 or steering.t.size < 2 or float(np.median(speed)) < STILL_SPEED:
+    if speed.size == 0 or steering.t.size < 2 or abs(float(np.median(speed))) < STILL_SPEED:
         return False
     return bool(np.ptp(steering.x) > active_threshold(steering))
 

@@ -109,13 +109,9 @@ def _refuse_odd_clock(log: Log) -> None:
 def refuse_unexcited(log: Log) -> None:
     """Raise DataRefused for a log of driving in which no run was found."""
     steering, speed = log.steering[0], log.signals["speed"]
-    if float(np.median(speed.x[np.abs(speed.x) > SLOWEST_CAR])) < 0:
-        raise DataRefused(
-            f"{log.name}: the rover drives backwards (speed down to {np.min(speed.x):.2f} m/s); "
-            "drive forwards, or change the sign of speed"
-        )
-    slowest = min(MOVING_SPEED, SLOWEST_CAR + 0.5 * float(np.max(speed.x)))
-    x = steering.x[np.interp(steering.t, speed.t, speed.x, left=0.0, right=0.0) > slowest]
+    v = np.abs(speed.x)
+    slowest = min(MOVING_SPEED, SLOWEST_CAR + 0.5 * float(np.max(v)))
+    x = steering.x[np.interp(steering.t, speed.t, v, left=0.0, right=0.0) > slowest]
     seen = f"{np.min(x):.4g} to {np.max(x):.4g} {steering.unit}" if x.size else "not recorded"
     raise DataRefused(
         f"{log.name}: no steering excitation while driving (steering {seen}, "

@@ -34,8 +34,9 @@ FLAT, LEVEL = 0.5, 0.1  # share of a pulse within this part of its height around
 
 
 def active_intervals(steering: Signal, speed: Signal) -> list[tuple[float, float]]:
-    """Intervals (start, end) [s] in which the rover moves and is steered to both sides."""
-    moving = np.interp(steering.t, speed.t, speed.x, left=0.0, right=0.0) > MOVING_SPEED
+    """Intervals (start, end) [s] in which the rover moves one way and is steered to both sides."""
+    v = np.interp(steering.t, speed.t, speed.x, left=0.0, right=0.0)
+    moving = np.abs(v) > MOVING_SPEED
     if moving.sum() < 2:
         return []
     straight = float(np.median(steering.x[moving]))
@@ -46,7 +47,8 @@ def active_intervals(steering: Signal, speed: Signal) -> list[tuple[float, float
     t = steering.t
     stops = [t[a] for a, b in stretches(~moving) if t[min(b + 1, t.size - 1)] - t[a] >= HALT]
     halts = np.searchsorted(times, np.array(stops))
-    cuts = np.union1d(np.flatnonzero(np.diff(times) > PAUSE) + 1, halts)
+    turned = np.flatnonzero(np.diff(np.sign(v[active])) != 0) + 1
+    cuts = np.union1d(np.union1d(np.flatnonzero(np.diff(times) > PAUSE) + 1, turned), halts)
     spans = [(float(part[0]), float(part[-1])) for part in np.split(times, cuts) if part.size]
     long = [(start, end) for start, end in spans if end - start >= SHORTEST_RUN]
     runs = [s for s in long if _crossings(steering.between(*s), straight).size >= REVERSALS]
@@ -301,15 +303,17 @@ def carried_intervals(log: Log) -> list[tuple[float, float]]:
     """
     speed, steering = log.signals["speed"], log.steering[0]
     least = min(SHORTEST_RUN, WHOLE * float(steering.t[-1] - steering.t[0])) if steering.t.size else 0.0
-    forward = speed.x[speed.x > 0]
-    usual = float(np.percentile(forward, 75)) if forward.size else 0.0
-    moving = speed.t[speed.x > min(MOVING_SPEED, SLOW_SHARE * usual)]
-    times: Array = moving[(moving >= steering.t[0]) & (moving <= steering.t[-1])]
+    driven = np.abs(speed.x)
+    usual = float(np.percentile(driven[driven > 0], 75)) if np.any(driven > 0) else 0.0
+    moving = driven > min(MOVING_SPEED, SLOW_SHARE * usual)
+    moving &= (speed.t >= steering.t[0]) & (speed.t <= steering.t[-1])
+    times: Array = speed.t[moving]
     if times.size < 2:
         return []
-    parts = np.split(times, np.flatnonzero(np.diff(times) > HALT) + 1)
-    driven = [(float(part[0]), float(part[-1])) for part in parts]
-    long = [(a, b) for a, b in driven if b - a >= max(least, SHORTEST_TRIAL)]
+    apart = (np.diff(times) > HALT) | (np.diff(np.sign(speed.x[moving])) != 0)
+    parts = np.split(times, np.flatnonzero(apart) + 1)
+    drives = [(float(part[0]), float(part[-1])) for part in parts]
+    long = [(a, b) for a, b in drives if b - a >= max(least, SHORTEST_TRIAL)]
     return [(a, b) for a, b in long if carries(steering.between(a, b), a, b)]
 
 

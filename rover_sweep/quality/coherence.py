@@ -132,11 +132,11 @@ def output_coherence(f: FrequencyResponse) -> OutputCoherence:
     )
 
 
-def sign_is_wrong(response: FrequencyResponse) -> bool:
-    """True when r has the opposite sign of the steering in the lower half of the band."""
+def sign_is_wrong(response: FrequencyResponse, speed: float) -> bool:
+    """True when r has not the sign of the steering times the speed [m/s] in the lower half of the band."""
     low, high = response.band or (response.w[0], response.w[-1])
     inside = (response.w >= low) & (response.w <= np.sqrt(low * high))
-    return bool(np.sum((response.h * response.coherence)[inside]).real < 0)
+    return bool(np.sum((response.h * response.coherence)[inside]).real * np.sign(speed) < 0)
 
 
 def per_rad(f: FrequencyResponse, rad_per_us: float) -> FrequencyResponse:

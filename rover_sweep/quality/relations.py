@@ -290,7 +290,9 @@ UNITS = {
     ),
     "speed": (("in km/h", 3.6), ("in mph", 2.237)),
 }  # {channel: (unit, its value over the SI value)}
-ORIENTATION = "or the autopilot is not mounted as in AHRS_ORIENTATION, or the rover drove backwards"
+ORIENTATION = (
+    "or the autopilot is not mounted as in AHRS_ORIENTATION, or the rover drove in reverse and V has no sign"
+)
 
 
 class Wrong(NamedTuple):

@@ -70,7 +70,7 @@ def _comparable(run: Recording) -> bool:
 def _by_responses(one: Fingerprint, two: Fingerprint) -> str:
     """Why two runs cannot be of one rover, '' if they can."""
     faster = max(one.speed / two.speed, two.speed / one.speed)
-    if faster > 1 + NEAR_SPEED:
+    if not 0 < faster <= 1 + NEAR_SPEED:  # below 0: one of them in reverse, where the other axle steers
         return ""
     louder = max(one.amplitude / two.amplitude, two.amplitude / one.amplitude)
     same = louder < 1 + SAME_AMPLITUDE and faster < 1 + SAME_SPEED

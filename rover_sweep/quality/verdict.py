@@ -219,15 +219,16 @@ def _of_mounting(run: Recording, found: Responses, vehicle: Vehicle | None) -> I
         )
         return
     ay, low = found.get("ay"), r.w <= np.sqrt(r.w[0] * r.w[-1])
-    # the cross product of both answers, in the lower half of the range V |r|^2, is positive for any rover
-    if ay is not None and np.sum((r.h.conj() * ay.h * r.coherence * ay.coherence)[low]).real < 0:
+    # for any rover the cross product of both answers, V |r|^2 in the lower half of the range, has V's sign
+    way = np.sign(run.mean_speed)
+    if ay is not None and way * np.sum((r.h.conj() * ay.h * r.coherence * ay.coherence)[low]).real < 0:
         yield (
             "discard",
             "discard: a_y and the yaw rate point to opposite sides: the autopilot is not mounted as "
-            "AHRS_ORIENTATION says, or the rover drove backwards",
+            "AHRS_ORIENTATION says, or the rover drove in reverse and its speed has no sign",
         )
     scale = vehicle.rad_per_us.value if vehicle and vehicle.rad_per_us else None
-    if scale is not None and sign_is_wrong(per_rad(r, scale)):
+    if scale is not None and sign_is_wrong(per_rad(r, scale), way):
         yield (
             "discard",
             "discard: the rover yaws to the opposite side of the steering: rad_per_us of the vehicle file "
@@ -332,9 +333,11 @@ def _tyres(
     """The side force that V r needs, up to the share of the friction above which runs get a warning."""
     stated = vehicle.friction.value if vehicle and vehicle.friction else None
     friction = stated or FRICTION
-    if "r" in found and np.isfinite(speed) and speed > 0:
-        words = f"the tyres' grip at {speed:.1f} m/s (friction {friction:g}{'' if stated else ', assumed'})"
-        yield words, NEAR * friction * GRAVITY / (speed * _answer(found["r"], scale))
+    if "r" in found and np.isfinite(speed) and speed:
+        words = (
+            f"the tyres' grip at {abs(speed):.1f} m/s (friction {friction:g}{'' if stated else ', assumed'})"
+        )
+        yield words, NEAR * friction * GRAVITY / (abs(speed) * _answer(found["r"], scale))
 
 
 def _answer(f: FrequencyResponse, scale: float) -> Array:

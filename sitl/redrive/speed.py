@@ -24,7 +24,7 @@ class SpeedFollower:
     def throttle(self, wanted: float, rate: float, speed: float) -> float:
         """For a wanted speed and its rate of change [m/s2]; the trim for a rover at rest."""
         q = self._parameters
-        if wanted < STANDING:
+        if abs(wanted) < STANDING:
             self._integral = 0.0
             return q.throttle_trim_us
         error = wanted - speed

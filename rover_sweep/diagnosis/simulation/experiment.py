@@ -12,6 +12,7 @@ from scipy.signal import lfilter, oaconvolve
 from scipy.signal.windows import gaussian
 
 from rover_sweep.data.recording import Array, LowPass, Recording, Signal
+from rover_sweep.errors import DataRefused
 
 RATE = 100.0  # Hz, of the simulation; rows are compared up to 12 Hz
 FINE = 2  # times as many points of the commanded steering, whose corners a rate limit or play shows
@@ -146,7 +147,15 @@ def _may_be_error(changes: Array) -> Array:
 
 
 def experiment(run: Recording) -> Experiment:
-    """The run with up to 1.5 s before and after its manoeuvre, while the rover was driving."""
+    """The run with up to 1.5 s before and after its manoeuvre, while the rover was driving.
+
+    DataRefused for a run in reverse.
+    """
+    if (driven := run.mean_speed) < 0:
+        raise DataRefused(
+            f"{run.name} was driven in reverse ({driven:.2f} m/s): of the answers about a rover, only "
+            "`rover-sweep identify` takes such runs"
+        )
     start, end = _driven(run)
     n = int((end - start) * RATE) + 1
     while n > 16 and next_fast_len(n, real=True) != n:  # for a fast Fourier transform

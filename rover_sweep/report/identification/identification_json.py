@@ -12,6 +12,7 @@ from rover_sweep.data.recording import Recording
 from rover_sweep.data.results import LEVEL, Quantity
 from rover_sweep.data.vehicle_rules import LARGEST_OF_STEERING
 from rover_sweep.identification.acceptance import inertia_of, judged_runs, ordered, rejection
+from rover_sweep.identification.both_ways import BothWays
 from rover_sweep.identification.fit import Estimate, FitResult
 from rover_sweep.identification.grouping import Group
 from rover_sweep.identification.model_results import TIED
@@ -150,6 +151,7 @@ def identification_document(result: Identification, provenance: Provenance) -> d
             "numbers": {e.name: number_document(e) for e in result.numbers},
             "residual_over_noise": result.residual,
             "stiffness_by_amplitude": [asdict(one) for one in result.by_amplitude],
+            "forward_and_reverse": [_both_ways(pair) for pair in result.both_ways],
             "models": {name: model_document(result, name) for name in ordered(result)},
             "refused": result.refused,
             "inertia": inertia_document(result, provenance),
@@ -170,6 +172,13 @@ def identification_document(result: Identification, provenance: Provenance) -> d
 def number_document(e: Quantity) -> dict[str, Any]:
     """{value, unit, interval_90, meaning} of a number of the rover."""
     return {"value": e.value, "unit": e.unit, "interval_90": e.interval_90, "meaning": e.meaning}
+
+
+def _both_ways(pair: BothWays) -> dict[str, Any]:
+    ways = {"forward": pair.forward, "reverse": pair.reverse}
+    found = {way: {"value": q.value, "interval_90": q.interval_90} for way, q in ways.items()}
+    of = pair.forward
+    return {"name": of.name, "unit": of.unit, "meaning": of.meaning, **found, "differs": pair.differs}
 
 
 def inertia_document(result: Identification, provenance: Provenance) -> dict[str, Any]:

@@ -65,6 +65,7 @@ from rover_sweep.report.identification.sentences import (
 )
 from rover_sweep.report.identification.tables import (
     amplitude_table,
+    both_ways_table,
     coherence_table,
     cost_table,
     filters_table,
@@ -138,7 +139,7 @@ def identification_report(
         f"Identified from {runs} at {speeds} m/s, {made_words(provenance)}",
         _answer(result, provenance),
         (
-            Section("", some(main_table(result), amplitude_table(result), more)),
+            Section("", some(main_table(result), both_ways_table(result), amplitude_table(result), more)),
             _pictures(result, provenance, units),
             _comparison(result, provenance, units),
             _models(result),

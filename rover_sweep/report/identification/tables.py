@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
+import numpy as np
+
 from rover_sweep.data.results import ends_words, number
 from rover_sweep.identification.acceptance import TITLES, inertia_of, judged_runs, ordered, rejection, usable
 from rover_sweep.identification.fit import Estimate, FitResult
@@ -287,6 +289,28 @@ def poles_table(model: ModelResult) -> Table:
         rows.append((Cell(text, "warn" if s.real > 0 else ""), number(abs(s), 3), damping))
     headings = ("pole, rad/s", "frequency, rad/s", "damping")
     return table_of(f"Poles at {model.fit.speed:.2f} m/s", headings, rows)
+
+
+def both_ways_table(result: Identification) -> Table | None:
+    """Tyres and steering forward and in reverse; None where one way was driven."""
+    if not result.both_ways:
+        return None
+    rows: list[tuple[Cell | str, ...]] = []
+    for pair in result.both_ways:
+        cells: list[Cell | str] = []
+        for q in (pair.forward, pair.reverse):
+            factor, shown = (np.degrees(1.0), "°") if q.unit == "rad" else (1.0, unit(q.unit))
+            low, high = (None if end is None else factor * end for end in (q.low, q.high))
+            cells += [Cell(number(factor * q.value, 3), "strong"), ends_words(low, high)]
+        word = {True: "yes", False: "no", None: "–"}[pair.differs]
+        differs = Cell(word, "warn" if pair.differs and not pair.expected else "")
+        rows.append((symbol(pair.forward.name), pair.forward.meaning, *cells, shown, differs))
+    headings = ("", "description", "forward", "90 % interval", "reverse", "90 % interval", "unit", "differs")
+    note = (
+        "Each way alone, with Cf and Cr free; gain: with the tyres of all runs. The yaw mode differs on a "
+        "sound rover too, as the other axle leads."
+    )
+    return table_of("Forward and reverse", headings, rows, note, 2)
 
 
 def amplitude_table(result: Identification) -> Table | None:
