@@ -24,9 +24,13 @@ WHEELBASES = 0.02, 20.0  # m
 
 @dataclass(frozen=True, eq=False, repr=False)
 class DrivingIdentification(DrivingAnswer):
-    """The result of `identify_driving`. It prints as a table."""
+    """The result of `identify_driving`. It prints as a table.
+
+    read: how the logs were read, such as which columns were taken where no map was given.
+    """
 
     sources: tuple[str, ...] = ()
+    read: tuple[str, ...] = ()
 
     def report(self, directory: Location) -> PageFiles:
         """Writes driving.html and driving.json into a folder, which is created if missing.
@@ -46,8 +50,10 @@ def identify_driving(
 ) -> DrivingIdentification:
     """What any driving of one rover shows of its steering: a mission, or driving about by hand.
 
-    sources: .BIN, .tlog or .csv (with `columns`, a column map), or "log.BIN+log.tlog". wheelbase [m], if it
-    was measured: gives K_us in deg/g and the steering ratio. system: MAVLink id of the vehicle in a .tlog.
+    sources: .BIN, .tlog, "log.BIN+log.tlog", or files of other systems (.csv, .parquet, .mat, .ulg, .bag,
+    .mcap), whose columns are found where `columns`, a column map, is not given; `read` then says which.
+    wheelbase [m], if it was measured: gives K_us in deg/g and the steering ratio. system: MAVLink id of the
+    vehicle in a .tlog.
 
     `numbers` by name, as far as the driving shows them: `curvature` of the path for each 100 us and
     `least_radius` (steering in us), or `wheelbase_seen` (in rad); `straight`, the output that drives straight
@@ -70,7 +76,9 @@ def identify_driving(
     logs = _logs(names, columns, system)
     found = answer_from(logs, wheelbase)
     return DrivingIdentification(
-        **{f.name: getattr(found, f.name) for f in fields(found)}, sources=tuple(Path(n).name for n in names)
+        **{f.name: getattr(found, f.name) for f in fields(found)},
+        sources=tuple(Path(n).name for n in names),
+        read=tuple(dict.fromkeys(note.text for log in logs for note in log.notes)),
     )
 
 

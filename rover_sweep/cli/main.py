@@ -50,6 +50,7 @@ SECTIONS: dict[str, dict[str, str]] = {
         "study": "Repeat the paper's comparison on a virtual rover.",
     },
     "Recordings and simulation": {
+        "columns": "Find what the columns of an unknown file are.",
         "replay": "Play a recording: pause, jump, any speed.",
         "view": "Plot any channel of a log against another, on a page.",
         "redrive": "Repeat a log's steering and speed in a simulation.",

@@ -23,7 +23,7 @@ from rover_sweep.logs.applet import (
     stop_reason,
 )
 from rover_sweep.logs.log import Array, Log, limits_of_steering
-from rover_sweep.logs.readers.csv_table import without_dead_channels
+from rover_sweep.logs.readers.screening import without_dead_channels
 from rover_sweep.logs.readers.vehicle_clock import at_main_loops
 from rover_sweep.logs.wave import (
     CONSTANT,

@@ -15,9 +15,11 @@ from rover_sweep.errors import DataRefused, UsageError
 from rover_sweep.logs.find import find_runs
 from rover_sweep.logs.judgement import refuse_unexcited, refuse_useless, with_notes
 from rover_sweep.logs.log import Log
-from rover_sweep.logs.readers.csv_table import STEERING_WHEEL, read_csv, screened
 from rover_sweep.logs.readers.dataflash import open_parts
 from rover_sweep.logs.readers.dataflash_channels import read_dataflash
+from rover_sweep.logs.readers.mapped_tables import read_mapped
+from rover_sweep.logs.readers.screening import STEERING_WHEEL, screened
+from rover_sweep.logs.readers.tables import is_table_file
 from rover_sweep.logs.readers.tlog_channels import read_telemetry
 from rover_sweep.logs.readers.vehicle_clock import paired
 
@@ -31,8 +33,9 @@ def read_runs(
 ) -> tuple[Recording, ...]:
     """All runs in a recording, in SI units and ISO axes, with notes on their quality.
 
-    source: path of a .BIN, .tlog or .csv, or "log.BIN+log.tlog" (both of one drive, merged on the
-    vehicle's clock). column_map: for a .csv, see `readers.column_map`. filters: {"gyro_hz",
+    source: path of a .BIN, .tlog or table (`readers.tables`), or several of one drive joined by +:
+    "log.BIN+log.tlog" (merged on the vehicle's clock), or tables. column_map: of a table, see
+    `readers.column_map`. filters: {"gyro_hz",
     "accel_hz"} [Hz, 0 = off] that replace the recorded INS_GYRO_FILTER and INS_ACCEL_FILTER.
     system: MAVLink id of the vehicle in a .tlog that holds several.
     UsageError for a source that cannot be opened, DataRefused for one that cannot be used.
@@ -77,21 +80,23 @@ def read_logs(
     filters: Mapping[str, float] | None = None,
     system: int | None = None,
 ) -> tuple[Log, ...]:
-    """The logs in a source: several if the vehicle restarted or a .csv holds several trials."""
-    parts = [source] if Path(source).is_file() else source.split("+")
-    if len(parts) == 2:
+    """The logs in a source: several if the vehicle restarted or a table holds several trials."""
+    parts = [source] if Path(source).exists() else source.split("+")
+    if len(parts) == 2 and not all(is_table_file(Path(part)) for part in parts):
         return _pair(parts[0], parts[1], filters, system)
-    path = existing_log(source)
-    match path.suffix.lower():
+    paths = [existing_log(part) for part in parts]
+    if all(is_table_file(path) for path in paths):
+        return read_mapped(paths, column_map)
+    path = paths[0]
+    match path.suffix.lower() if len(paths) == 1 else "":
         case ".bin":
             return read_dataflash(path, filters)
         case ".tlog":
             return read_telemetry(path, filters, system)
-        case ".csv":
-            return read_csv(path, column_map)
-    raise UsageError(
-        f"{path.name}: {path.suffix or 'no extension'} cannot be read; give a .BIN, .tlog or .csv"
-    )
+    raise UsageError(f"{path.name}: {path.suffix or 'no extension'} cannot be read; give {READ}")
+
+
+READ = "a .BIN, .tlog, .csv, .parquet, .mat, .ulg, .bag, .db3 or .mcap"
 
 
 def _pair(
@@ -114,12 +119,12 @@ def _pair(
 
 
 def existing_log(name: str) -> Path:
-    """The path; UsageError for a folder or a missing file."""
+    """The path; UsageError for a missing file, and for a folder that is no ROS bag."""
     path = Path(name).expanduser()
-    if path.is_dir():
-        raise UsageError(f"{name} is a folder; give the path of a .BIN, .tlog or .csv in it")
-    if not path.is_file():
-        raise UsageError(f"{name}: there is no such file; give the path of a .BIN, .tlog or .csv")
+    if path.is_dir() and not is_table_file(path):
+        raise UsageError(f"{name} is a folder; give the path of {READ} in it")
+    if not path.exists():
+        raise UsageError(f"{name}: there is no such file; give the path of {READ}")
     return path
 
 

@@ -22,7 +22,7 @@ from rover_sweep.diagnosis.effects.effect import SpeedEffect
 from rover_sweep.diagnosis.simulation.augmented import AugmentedModel
 from rover_sweep.errors import RoverSweepError, UsageError
 from rover_sweep.logs.read import read_logs, runs_of
-from rover_sweep.logs.readers.csv_table import screened
+from rover_sweep.logs.readers.screening import screened
 from rover_sweep.redrive.recorded_course import (
     as_measured,
     as_measured_size,

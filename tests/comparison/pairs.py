@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from rover_sweep.logs.read import read_logs
-from rover_sweep.logs.readers.csv_table import screened
+from rover_sweep.logs.readers.screening import screened
 from rover_sweep.redrive.recorded_course import course_of
 from sitl.plant.variant import PlantParameters
 from sitl.redrive.open_loop import redrive

@@ -13,7 +13,7 @@ import rover_sweep as rs
 from rover_sweep.diagnosis.simulation.experiment import RATE, SPEED_ERROR, STEADIED
 from rover_sweep.diagnosis.simulation.simulator import motion
 from rover_sweep.logs.read import read_logs
-from rover_sweep.logs.readers.csv_table import screened
+from rover_sweep.logs.readers.screening import screened
 from rover_sweep.redrive.recorded_course import course_of
 from sitl.plant.variant import load_variant
 from sitl.redrive.open_loop import redrive

@@ -17,8 +17,8 @@ from rover_sweep.logs.find import find_runs
 from rover_sweep.logs.judgement import refuse_useless
 from rover_sweep.logs.log import AppletRows, Log, increasing, refuse_disorder
 from rover_sweep.logs.read import read_logs, read_runs
-from rover_sweep.logs.readers.csv_table import screened
 from rover_sweep.logs.readers.dataflash import open_parts
+from rover_sweep.logs.readers.screening import screened
 from rover_sweep.manoeuvre.sweep import Manoeuvre, Sweep
 
 SWEEP: Manoeuvre = Sweep(amplitude=100, t_rec=30, w_min=0.8)

@@ -82,10 +82,15 @@ def test_columns_with_the_channels_own_names_need_no_map(tmp_path: Path) -> None
     text = rows().replace("t,steer,rate,v", "t,delta,r,speed")
     (run,) = read_runs(table(tmp_path, text))
     assert run["r"].unit == "rad/s"
-    with pytest.raises(
-        UsageError, match="needs a column map.*time = .*--columns FILE; its columns are t, steer, rate, v"
-    ):
-        read_runs(table(tmp_path, rows()))
+
+
+def test_columns_with_other_names_are_found_and_told(tmp_path: Path) -> None:
+    (log,) = read_logs(table(tmp_path, rows()))
+    assert np.max(log.signals["r"].x) == pytest.approx(np.radians(10), rel=1e-3)
+    assert np.max(log.steering[0].x) == pytest.approx(1.0, rel=1e-3) and log.signals["speed"].x[0] == 2
+    assert any('found by their names and values: time = "t"' in note.text for note in log.notes)
+    with pytest.raises(UsageError, match="no column was found for speed; write.*rover-sweep columns"):
+        read_logs(table(tmp_path, rows().replace("t,steer,rate,v", "t,lamp,rate,door")))
 
 
 def test_degrees_without_their_unit_are_refused_with_the_line_that_mends_it(tmp_path: Path) -> None:

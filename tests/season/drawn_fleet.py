@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from rover_sweep.logs.read import read_logs
-from rover_sweep.logs.readers.csv_table import screened
+from rover_sweep.logs.readers.screening import screened
 from rover_sweep.redrive.recorded_course import course_of
 from sitl.flash_log.dataflash_writer import HEAD, encoded
 from sitl.flash_log.formats import FORMATS

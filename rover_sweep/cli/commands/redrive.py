@@ -45,7 +45,7 @@ def redrive(
 
     from rover_sweep.cli.views.output import narration, results
     from rover_sweep.logs.read import read_logs, read_runs
-    from rover_sweep.logs.readers.csv_table import screened
+    from rover_sweep.logs.readers.screening import screened
     from rover_sweep.redrive.recorded_course import (
         course_of,
         described,

@@ -42,6 +42,8 @@ def show_driving(answer: DrivingIdentification, out: Path, as_json: bool, why: s
     from rover_sweep.report.on_terminal import on_terminal
 
     narration().print(why, style="yellow", soft_wrap=True)
+    for how in answer.read:
+        narration().print(how, style="dim", soft_wrap=True)
     shown = results(as_json)
     shown.print(on_terminal(driving_report(answer, ", ".join(answer.sources)), answer_last=True))
     files = answer.report(out)

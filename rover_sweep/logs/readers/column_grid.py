@@ -1,0 +1,293 @@
+"""The columns of an unknown table on a common grid, each with its slope, to be compared with each other."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from itertools import product
+from math import log, pi, sqrt
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter1d
+from scipy.signal import butter, filtfilt
+
+from rover_sweep.logs.log import Array, increasing
+from rover_sweep.logs.readers.column_map import FACTORS
+from rover_sweep.logs.readers.column_names import name_weight, unit_in, words_of
+from rover_sweep.logs.readers.made_signals import heading_of, slope
+from rover_sweep.logs.readers.tables import FEWEST_ROWS, RecordedTable, TableStream, seconds_of
+
+GRID_HZ, LONGEST = 20.0, 16_000  # of the common grid on which columns are compared; samples
+SMOOTH_HZ = 2.0
+EVERY = 5  # samples of the grid between two means
+
+
+@dataclass(frozen=True)
+class ClockGuess:
+    """The time (n,) s of a stream, its entry in the map (None: stamps of the file), and why."""
+
+    time: Array
+    entry: Any
+    certainty: str
+    reason: str
+    also: tuple[str, ...] = ()
+
+
+def _clock_of(stream: TableStream) -> ClockGuess | None:
+    if stream.time is not None:
+        return ClockGuess(stream.time, None, "certain", "stamps of the file")
+    found = [c for name in stream.names if (c := _as_clock(stream, name))]
+    if not found:
+        return None
+    best, clock = max(found, key=lambda pair: pair[0])
+    return clock
+
+
+def _as_clock(stream: TableStream, name: str) -> tuple[float, ClockGuess] | None:
+    """(how well, the clock) of a column that may be the time."""
+    cells, weight = stream[name], name_weight("time", name)
+    filled = [c for c in cells if c.strip()] if isinstance(cells, list) else []
+    if filled and all(seconds_of(c) is not None for c in (filled[0], filled[len(filled) // 2], filled[-1])):
+        t = np.array([np.nan if (s := seconds_of(c)) is None else s for c in cells])
+        if _rises(t):
+            return 2.0 + weight, ClockGuess(t, name, "certain", f"date-times, {_rate(t)}")
+        return None
+    x = _numeric(cells)
+    if x is None or not _rises(x):
+        return None
+    fine = next((n for n in stream.names if n != name and _is_nanoseconds(stream, n)), None)
+    if fine is not None and np.all(x[np.isfinite(x)] % 1 == 0) and weight:
+        t = x + np.asarray(_numeric(stream[fine])) * 1e-9
+        if _rises(t):
+            words = f"seconds and nanoseconds, {_rate(t)}"
+            return 2.0 + weight, ClockGuess(t, {"column": name, "nanoseconds": fine}, "certain", words)
+    steps = np.diff(x[np.isfinite(x)])
+    if np.mean(steps > 0) < 0.02:  # whole seconds, of which the rest is in no column
+        return None
+    step = float(np.median(steps[steps > 0]))
+    even = float(np.mean(np.abs(steps / step - 1) < 0.5))
+    if not weight and (even < 0.8 or step == 1.0):  # a row number, or a distance
+        return None
+    unit, sure = _time_unit(name, x, step)
+    t = x * FACTORS["s"][unit]
+    entry = name if unit == "s" else {"column": name, "unit": unit}
+    certainty = "certain" if weight and sure else "likely" if weight else "a guess"
+    reason = f"it rises in {'even' if even > 0.9 else 'uneven'} steps, {_rate(t)}"
+    reason += "" if unit == "s" else f" if it is in {unit}"
+    return weight + 0.5 * even + 0.3 * float(np.mean(steps > 0)), ClockGuess(t, entry, certainty, reason)
+
+
+BLOCKS = 25, 100, 500  # samples, over which columns without a clock are compared
+
+
+def _even_samples(stream: TableStream) -> ClockGuess | None:
+    """The rate of a stream without a clock, from two columns of which one is the other's integral."""
+    columns = [(n, x) for n in stream.names if (x := _numeric(stream[n])) is not None and np.ptp(x) > 0]
+    whole = [(n, np.unwrap(x) if _period(x) else x) for n, x in columns if np.isfinite(x).all()]
+    best = 0.95, 0.0, "", ""
+    for (name, x), (other, y), block in product(whole, whole, BLOCKS):
+        change = np.diff(x[::block])
+        if name == other or change.size < FEWEST_ROWS:
+            continue
+        total = np.add.reduceat(_within(y), np.arange(0, y.size, block))[: change.size]
+        step, share = relation(_within(change), total)
+        if share > best[0] and 1e-4 < abs(step) < 1.0:
+            best = share, abs(step) / sqrt(share), name, other
+    share, step, name, other = best
+    if not step:
+        return None
+    rate = float(f"{1 / step:.2g}")
+    reason = f"no column is a clock; at {rate:g} Hz, {name} is the integral of {other}, in SI units"
+    return ClockGuess(np.arange(len(stream)) / rate, {"rate": rate}, "likely", reason)
+
+
+def _is_nanoseconds(stream: TableStream, name: str) -> bool:
+    if words_of(name).split()[-1:] not in (["ns"], ["nsec"], ["nsecs"], ["nanosec"], ["nanoseconds"]):
+        return False
+    x = _numeric(stream[name])
+    return x is not None and float(np.nanmin(x)) >= 0 and 1e6 < float(np.nanmax(x)) < 1e9
+
+
+def _time_unit(name: str, x: Array, step: float) -> tuple[str, bool]:
+    """(unit, whether it is certain) of a clock that rises by `step` from row to row."""
+    last = float(np.nanmax(np.abs(x)))
+    for unit, epoch in (("ns", 1e18), ("us", 1e15), ("ms", 1e12), ("s", 1e9)):
+        if 0.6 * epoch < last < 4 * epoch and (unit != "s" or step < 10):
+            return unit, True
+    if (told := unit_in(name)) in FACTORS["s"]:
+        return told, True
+    rates = {unit: 1 / (step * factor) for unit, factor in FACTORS["s"].items()}
+    possible = [unit for unit, rate in rates.items() if 0.5 <= rate <= 2500]
+    best = min(rates, key=lambda unit: abs(log(rates[unit] / 50)))
+    return best, possible == [best]
+
+
+def _rises(x: Array) -> bool:
+    """True for a column that grows from row to row, but for a few rows, and in all."""
+    known = x[np.isfinite(x)]
+    if known.size < max(FEWEST_ROWS, 0.5 * x.size):
+        return False
+    steps = np.diff(known)
+    return bool(np.mean(steps >= 0) > 0.98 and known[-1] > known[0])
+
+
+def _rate(t: Array) -> str:
+    steps = np.diff(t[np.isfinite(t)])
+    return f"{1 / float(np.median(steps[steps > 0])):.3g} Hz"
+
+
+def _numeric(cells: Array | list[str]) -> Array | None:
+    """(n,) numbers; None for a column of words."""
+    if not isinstance(cells, list):
+        return cells
+    try:
+        return np.array([cell.strip() or "nan" for cell in cells]).astype(float)
+    except ValueError:
+        return None
+
+
+# Columns on a common grid
+
+
+@dataclass(eq=False)
+class ColumnGrid:
+    """Columns (n,) on an even grid. raw: as recorded; x: smooth; dot: slopes, of angles without their wraps.
+
+    period: {column: 2 pi or 360} of columns that jump by it. held: share of repeated samples. made: {title:
+    entry in the map} of what is made of several columns. mean, mean_dot: x and dot as `means`.
+    """
+
+    raw: dict[str, Array] = field(default_factory=dict)
+    x: dict[str, Array] = field(default_factory=dict)
+    dot: dict[str, Array] = field(default_factory=dict)
+    period: dict[str, float] = field(default_factory=dict)
+    held: dict[str, float] = field(default_factory=dict)
+    stream: dict[str, int] = field(default_factory=dict)
+    clocks: dict[int, ClockGuess] = field(default_factory=dict)
+    made: dict[str, dict[str, list[str]]] = field(default_factory=dict)
+    mean: dict[str, Array] = field(default_factory=dict)
+    mean_dot: dict[str, Array] = field(default_factory=dict)
+
+    def add(self, name: str, t: Array, x: Array, grid: Array, number: int) -> None:
+        """A column with its times."""
+        period = _period(x)
+        whole = np.unwrap(x, period=period) if period else x
+        self.stream[name] = number
+        if period:
+            self.period[name] = period
+        self.held[name] = float(np.mean(np.diff(x) == 0))
+        self.raw[name] = x
+        self.x[name] = _smooth(np.interp(grid, t, whole))
+        self.dot[name] = _smooth(np.interp(grid, t, slope(t, whole)))
+        self.mean[name], self.mean_dot[name] = means(self.x[name]), means(self.dot[name])
+
+
+def _period(x: Array) -> float:
+    """2 pi or 360 of an angle that wraps in this column, 0 for another column."""
+    jumps, wide = np.abs(np.diff(x)), float(np.ptp(x))
+    for period in (2 * pi, 360.0):
+        near = jumps > 0.9 * period
+        if wide <= 1.01 * period and near.any() and near.sum() < 0.05 * x.size:
+            return period
+    return 0.0
+
+
+def _smooth(x: Array) -> Array:
+    """Low-passed, without jumps such as those of a simulator that places its vehicle anew."""
+    if x.size < 20:
+        return x
+    return np.asarray(filtfilt(*butter(2, SMOOTH_HZ, fs=GRID_HZ), _within(x)))
+
+
+def _within(x: Array) -> Array:
+    """Clipped to three times the range that 99 % of the values are in."""
+    low, high = np.percentile(x, (0.5, 99.5))
+    return np.clip(x, 2 * low - high, 2 * high - low) if high > low else x
+
+
+def gridded(table: RecordedTable) -> ColumnGrid:
+    found = ColumnGrid()
+    columns: list[tuple[str, Array, Array, int]] = []
+    clocks = {n: c for n, stream in enumerate(table.streams) if (c := _clock_of(stream))}
+    if not clocks:
+        longest = max(range(len(table.streams)), key=lambda n: len(table.streams[n]))
+        clocks = {longest: c} if (c := _even_samples(table.streams[longest])) else {}
+    twice = {name for name in table.header if table.header.count(name) > 1}
+    for number, stream in enumerate(table.streams):
+        if (clock := clocks.get(number)) is None:
+            continue
+        found.clocks[number] = clock
+        of_clock = _names_in(clock.entry)
+        for name in stream.names:
+            x = _numeric(stream[name])
+            if name in of_clock or name in twice or x is None or np.isfinite(x).sum() < FEWEST_ROWS:
+                continue
+            good = np.isfinite(x) & np.isfinite(clock.time) & (np.abs(x) < 1e12)
+            t, (kept,) = increasing(clock.time[good], x[good])
+            if t.size >= FEWEST_ROWS and (np.ptp(kept) > 0 or name_weight("speed", name) > 0.5):
+                columns.append((name, t, kept, number))
+        columns += list(_quaternions(stream, clock, number, found))
+    if not columns:
+        return found
+    first, last = np.median([t[0] for _, t, _, _ in columns]), np.median([t[-1] for _, t, _, _ in columns])
+    grid = np.arange(first, last, 1 / GRID_HZ)[:LONGEST]
+    for name, t, x, number in columns:
+        inside = (t >= first) & (t <= last)
+        if inside.sum() >= FEWEST_ROWS and t[-1] - t[0] > 0.5 * (last - first) and grid.size > 20:
+            found.add(name, t, x, grid, number)
+    return found
+
+
+def _names_in(entry: Any) -> set[str]:
+    return {entry} if isinstance(entry, str) else set(entry.values()) if isinstance(entry, dict) else set()
+
+
+def _quaternions(
+    stream: TableStream, clock: ClockGuess, number: int, found: ColumnGrid
+) -> Iterator[tuple[str, Array, Array, int]]:
+    """The heading of any four columns in a row whose squares have the sum 1."""
+    for k in range(len(stream.names) - 3):
+        names = list(stream.names[k : k + 4])
+        parts = [_numeric(stream[name]) for name in names]
+        if any(part is None for part in parts):
+            continue
+        total = sum(np.square(part) for part in parts if part is not None)
+        if abs(float(np.nanmedian(total)) - 1) > 0.01 or float(np.nanstd(total)) > 0.01:
+            continue
+        if words_of(names[0]).split()[-1] in ("w", "0", "qw", "q0"):
+            names = [*names[1:], names[0]]
+        x, y, z, w = (np.asarray(_numeric(stream[name])) for name in names)
+        psi = heading_of(x, y, z, w)
+        good = np.isfinite(psi) & np.isfinite(clock.time)
+        t, (kept,) = increasing(clock.time[good], psi[good])
+        if t.size >= FEWEST_ROWS and np.ptp(kept) > 0.1:
+            title = f"quaternion {', '.join(names)}"
+            found.made[title] = {"quaternion": names}
+            yield title, t, np.unwrap(kept), number
+
+
+def relation(y: Array, x: Array, use: NDArray[np.bool_] | None = None) -> tuple[float, float]:
+    """(k, share of the variance of y) of y = k x + constant, without the 2 % that fit worst."""
+    y, x = (y, x) if use is None else (y[use], x[use])
+    if y.size < 20:
+        return 0.0, 0.0
+    k, offset, _ = _line(y, x)
+    error = np.abs(y - k * x - offset)
+    good = error <= np.percentile(error, 98)
+    return _line(y[good], x[good])[::2]
+
+
+def means(x: Array) -> Array:
+    """Means over a second, four each second: of what is noisy, as a slope is."""
+    return np.asarray(uniform_filter1d(x, round(GRID_HZ))[::EVERY])
+
+
+def _line(y: Array, x: Array) -> tuple[float, float, float]:
+    """(k, offset, share of the variance of y) of y = k x + offset."""
+    dx, dy = x - x.mean(), y - y.mean()
+    xx, yy, xy = float(dx @ dx), float(dy @ dy), float(dx @ dy)
+    if xx <= 0 or yy <= 0:
+        return 0.0, float(y.mean()), 0.0
+    return xy / xx, float(y.mean() - xy / xx * x.mean()), xy * xy / (xx * yy)

@@ -1,0 +1,262 @@
+"""The column map of a recording of another system: which column holds which channel, in what unit.
+
+The map is a small TOML file (or a dictionary of the same form):
+
+    time = "t"                                     # s
+    pwm = "steer"                                  # us; or delta, the road-wheel angle, rad
+    r = {column = "yaw_rate", unit = "deg/s"}      # also p, ay, vy, speed, phi, psi, throttle
+    delta = {column = "steer", scale = 0.35}       # offset is subtracted first, then scale multiplies
+    speed = 2.4                                    # a number for a constant value, m/s
+    trial = "trial"                                # each value is one recording
+    runs = "whole"                                 # all driving of a trial is one run; default "found"
+    leave_out = "bad"                              # rows where this column is true (or 1) are left out
+    axes = "iso"                                   # or "frd": r, ay, vy, psi, delta change sign
+    sampling = "smooth"                            # or "step": steering keeps its value until the next row
+    filters = {gyro_hz = 20, accel_hz = 20}        # known low-pass filters, if any
+
+Where there is no gyro or no speed, several columns make one:
+
+    r = {heading = "yaw", unit = "deg"}            # its slope; scale = -1 for a compass, which counts right
+    r = {quaternion = ["qx", "qy", "qz", "qw"]}    # the slope of its heading; also for psi
+    speed = {position = ["x", "y"]}                # its slope, forward; m
+    speed = {velocity = ["vn", "ve"]}              # its length
+
+Clocks: date-times are read as they are. `time` is left out where the file has stamps of its own (bags, ULog),
+and a list where several files are joined, with one clock of each:
+
+    time = {column = "sec", nanoseconds = "nsec"}
+    time = {rate = 100}                            # Hz, even samples without a clock
+    time = ["imu.stamp", "steering.stamp"]
+"""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from rover_sweep.data.geometry import STANDARD_GRAVITY
+from rover_sweep.errors import UsageError
+from rover_sweep.files.documents import read_toml
+
+UNITS = {
+    "pwm": "us",
+    "delta": "rad",
+    "r": "rad/s",
+    "p": "rad/s",
+    "ay": "m/s^2",
+    "vy": "m/s",
+    "speed": "m/s",
+    "phi": "rad",
+    "psi": "rad",
+    "throttle": "us",
+    "servo": "us",
+}
+OPTIONS = {"time", "trial", "runs", "leave_out", "axes", "sampling", "filters"}
+# Unit of a channel -> the units that it may be given in, and their factors
+FACTORS: Mapping[str, Mapping[str, float]] = {
+    "s": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9},
+    "us": {"us": 1.0},
+    "rad": {"rad": 1.0, "deg": math.pi / 180},
+    "rad/s": {"rad/s": 1.0, "deg/s": math.pi / 180, "mrad/s": 1e-3},
+    "m/s": {"m/s": 1.0, "km/h": 1 / 3.6, "mph": 0.44704, "ft/s": 0.3048},
+    "m/s^2": {"m/s^2": 1.0, "g": STANDARD_GRAVITY, "ft/s^2": 0.3048},
+    "m": {"m": 1.0, "ft": 0.3048},
+}
+# {channel: {how it is made: (number of columns, unit that these have)}}
+MADE: Mapping[str, Mapping[str, tuple[int, str]]] = {
+    "r": {"heading": (1, "rad"), "quaternion": (4, "")},
+    "psi": {"quaternion": (4, "")},
+    "speed": {"position": (2, "m"), "velocity": (2, "m/s")},
+}
+
+
+@dataclass(frozen=True)
+class Column:
+    """The columns of a channel: (value - offset) * scale is in the channel's unit.
+
+    made: "" for one column as it is, else how several make the channel (MADE).
+    """
+
+    names: tuple[str, ...]
+    scale: float = 1.0
+    offset: float = 0.0
+    made: str = ""
+
+    @property
+    def source(self) -> str:
+        """Its words in notes: the column, or what it is made of."""
+        return f"{self.made} {', '.join(self.names)}" if self.made else self.names[0]
+
+
+@dataclass(frozen=True)
+class StreamClock:
+    """The time of a stream: column, whose seconds are (value - offset) * scale; or its rate [Hz]."""
+
+    column: Column | None = None
+    nanoseconds: str | None = None
+    rate: float = 0.0
+
+    @property
+    def used(self) -> set[str]:
+        """Names of the columns that are read."""
+        names = set(self.column.names) if self.column else set()
+        return names | ({self.nanoseconds} if self.nanoseconds else set())
+
+
+@dataclass(frozen=True)
+class ColumnMap:
+    """A checked column map. constants: {channel: value}; frd: FRD axes; step: steering is held."""
+
+    clocks: tuple[StreamClock, ...]
+    columns: Mapping[str, Column]
+    constants: Mapping[str, float]
+    trial: str | None
+    leave_out: str | None
+    whole: bool
+    frd: bool
+    step: bool
+    filters: Mapping[str, float]
+
+    @property
+    def used(self) -> set[str]:
+        """Names of all columns that are read."""
+        marks = {name for name in (self.trial, self.leave_out) if name is not None}
+        return marks.union(*(c.names for c in self.columns.values()), *(c.used for c in self.clocks))
+
+
+def own_names(header: Sequence[str]) -> Mapping[str, Any] | None:
+    """The map of columns that are named like the channels; None where time or others are not."""
+    own = {n: n for n in (*UNITS, "trial") if n in header} | {"time": "t" if "t" in header else "time"}
+    needed = own["time"] in header and "r" in own and "speed" in own and {"pwm", "delta"} & set(own)
+    return own if needed else None
+
+
+def read_column_map(path: str) -> Mapping[str, Any]:
+    """The map in a TOML file; UsageError where it is none."""
+    try:
+        return read_toml(Path(path).read_text(encoding="utf-8"))
+    except OSError as error:
+        raise UsageError(f"{path}: the column map cannot be read ({error.strerror})") from error
+    except UnicodeDecodeError as error:
+        raise UsageError(
+            f"{path}: the column map is not a text file ({error.reason} at byte {error.start})"
+        ) from error
+    except tomllib.TOMLDecodeError as error:
+        raise UsageError(f"{path}: the column map is not valid TOML ({error})") from error
+
+
+def parse_column_map(given: Mapping[str, Any], header: Sequence[str], stamped: bool = False) -> ColumnMap:
+    """Checks a column map against the names of the columns; UsageError for mistakes.
+
+    stamped: whether every stream of the table has its time.
+    """
+    unknown = set(given) - set(UNITS) - OPTIONS
+    if unknown:
+        raise UsageError(
+            f"Column map: {', '.join(sorted(unknown))} is not known; "
+            f"the keys are {', '.join((*UNITS, *sorted(OPTIONS)))}"
+        )
+    needed = ("r", "speed") if stamped else ("time", "r", "speed")
+    missing = [name for name in needed if name not in given]
+    if missing or not {"pwm", "delta"} & set(given):
+        missing += [] if {"pwm", "delta"} & set(given) else ["pwm or delta"]
+        raise UsageError(f"Column map: {', '.join(missing)} is missing; the file has {', '.join(header)}")
+    channels = {n: v for n, v in given.items() if n in UNITS}
+    constants = {n: _number(n, v) for n, v in channels.items() if isinstance(v, int | float)}
+    lacking = [n for n in ("delta", "pwm", "r") if n in constants]
+    if lacking:
+        raise UsageError(
+            f"Column map: {lacking[0]} = {channels[lacking[0]]!r}, it must be a column; "
+            "a number is for a constant channel, such as speed"
+        )
+    for option in ("trial", "leave_out"):
+        if (named := given.get(option)) is not None and named not in header:
+            raise UsageError(f"Column map: {option} = {named!r}, but the columns are {', '.join(header)}")
+    low_passes = given.get("filters", {})
+    if not isinstance(low_passes, Mapping) or not set(low_passes) <= {"gyro_hz", "accel_hz"}:
+        raise UsageError(
+            f"Column map: filters = {low_passes!r}, it must be {{gyro_hz = .., accel_hz = ..}} in Hz"
+        )
+    filters = {name: _number(name, value) for name, value in low_passes.items()}
+    for name, value in filters.items():
+        if value < 0:
+            raise UsageError(
+                f"Column map: {name} = {value:g} Hz; a cut-off must be positive, or 0 for no filter"
+            )
+    times = given.get("time", [])
+    return ColumnMap(
+        clocks=tuple(_clock(t, header) for t in (times if isinstance(times, list) else [times])),
+        columns={n: _column(n, v, header) for n, v in channels.items() if n not in constants},
+        constants=constants,
+        trial=given.get("trial"),
+        leave_out=given.get("leave_out"),
+        whole=_choice(given, "runs", ("found", "whole")) == "whole",
+        frd=_choice(given, "axes", ("iso", "frd")) == "frd",
+        step=_choice(given, "sampling", ("smooth", "step")) == "step",
+        filters=filters,
+    )
+
+
+def _choice(given: Mapping[str, Any], key: str, allowed: tuple[str, str]) -> str:
+    value = given.get(key, allowed[0])
+    if value not in allowed:
+        raise UsageError(f'Column map: {key} = {value!r}, it must be "{allowed[0]}" or "{allowed[1]}"')
+    return str(value)
+
+
+def _number(what: str, value: Any) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+        raise UsageError(f"Column map: {what} = {value!r}, it must be a finite number")
+    return float(value)
+
+
+def _clock(given: Any, header: Sequence[str]) -> StreamClock:
+    entry = dict(given) if isinstance(given, Mapping) else given
+    if isinstance(entry, dict) and set(entry) == {"rate"}:
+        rate = _number("rate of time", entry["rate"])
+        if rate <= 0:
+            raise UsageError(f"Column map: rate of time = {rate:g} Hz, it must be above 0")
+        return StreamClock(rate=rate)
+    fine = entry.pop("nanoseconds", None) if isinstance(entry, dict) else None
+    if fine is not None and fine not in header:
+        raise UsageError(f"Column map: nanoseconds = {fine!r}, but the columns are {', '.join(header)}")
+    return StreamClock(_column("time", entry, header), fine)
+
+
+def _column(channel: str, given: Any, header: Sequence[str]) -> Column:
+    entry = {"column": given} if isinstance(given, str) else given
+    ways = {"column": (1, UNITS.get(channel, "s")), **MADE.get(channel, {})}
+    way = next((key for key in ways if isinstance(entry, Mapping) and key in entry), "column")
+    if not isinstance(entry, Mapping) or not set(entry) <= {way, "scale", "offset", "unit"}:
+        raise UsageError(
+            f'Column map: {channel} = {given!r}, it must be "name" or {{column, unit, scale, offset}}'
+        )
+    count, unit = ways[way]
+    named = entry.get(way)
+    names = tuple(named) if isinstance(named, list | tuple) and count > 1 else (named,)
+    for name in names:
+        if name not in header:
+            raise UsageError(f"Column map: {channel} = {name!r}, but the columns are {', '.join(header)}")
+    if len(names) != count:
+        raise UsageError(f"Column map: {channel} = {given!r}; {way} needs a list of {count} columns")
+    scale = _number(f"scale of {channel}", entry.get("scale", 1.0)) * _factor(
+        channel, unit, entry.get("unit")
+    )
+    if scale == 0 or (channel == "time" and scale < 0):
+        wanted = "above 0" if channel == "time" else "another number"
+        raise UsageError(f"Column map: scale of {channel} = {entry['scale']!r}, it must be {wanted}")
+    offset = _number(f"offset of {channel}", entry.get("offset", 0.0))
+    return Column(names, scale, offset, "" if way == "column" else way)
+
+
+def _factor(channel: str, own: str, unit: Any) -> float:
+    if unit is None:
+        return 1.0
+    if not isinstance(unit, str) or unit not in FACTORS.get(own, ()):
+        units = f"use {', '.join(FACTORS[own])}, or scale to {own}" if own else "leave it out"
+        raise UsageError(f"Column map: the unit {unit!r} of {channel} is not known; {units}")
+    return FACTORS[own][unit]

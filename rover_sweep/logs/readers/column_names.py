@@ -1,0 +1,127 @@
+"""What the names of columns say: which channel, in which unit, measured or commanded."""
+
+from __future__ import annotations
+
+import re
+
+# {role: ((pattern, weight), ...)}: matched against the name in lower case, words joined by blanks
+_PATTERNS: dict[str, tuple[tuple[str, float], ...]] = {
+    "time": (
+        (r"\b(time|timestamp|stamp|time ?us|time ?s|t|ts|datetime|date|utc)\b", 1.0),
+        (r"\b(elapsed|clock|epoch|sec|secs|seconds|s)\b", 0.6),
+    ),
+    "r": (
+        (r"\byaw ?(rate|vel|velocity|speed)\b|\byaw ?dot\b|\b(d ?psi|psi ?dot|turn ?rate)\b", 1.0),
+        (r"\b(gyro?|gyr|omega|ang ?vel|angular velocity|ang|rotation rate|w|av|imu) ?z\b|\b[gw]z\b", 1.0),
+        (r"\bz ?(gyro|rate)\b|\bangular (velocity )?(rate )?z\b", 1.0),
+        (r"\bvehicle angular velocity xyz 2\b", 1.0),
+        (r"\bomega\b|\bang(ular)? ?vel(ocity)?\b|\bw imu\b|\bgyro\b|^r$|^w$", 0.8),
+        (r"^rate$", 0.5),
+    ),
+    "p": (
+        (r"\broll ?(rate|vel|velocity|speed|dot)\b|\b(phi ?dot|d ?phi)\b", 1.0),
+        (r"\b(gyro?|gyr|omega|ang ?vel|angular velocity|ang|rotation rate|imu) ?x\b|\b[gw]x\b|^p$", 0.9),
+        (r"\bvehicle angular velocity xyz 0\b", 1.0),
+    ),
+    "psi": (
+        (r"\b(yaw|heading|psi|azimuth|hdg|theta)\b(?! ?(rate|vel|speed|dot|acc))", 1.0),
+        (r"\bphi ?y\b|\beuler ?z\b|\bcourse\b|\bcog\b|\bphi\b", 0.6),
+    ),
+    "speed": (
+        (r"\b(speed|velocity|vel|v|spd|vehicle ?speed|ground ?speed)\b(?! ?(y|z|n|e|d)\b)", 0.8),
+        (r"\b(v ?x|vel ?x|velocity ?x|linear x|vx|v ?long|longitudinal (speed|velocity))\b", 1.0),
+        (r"\bencoder\b|\bgspd\b|\bspd\b|\bwheel speed\b", 0.8),
+    ),
+    "ay": (
+        (r"\b(a|acc|accel|acceleration|linear acceleration|imu) ?y\b|\by ?(acc|accel)\b", 1.0),
+        (r"\blat(eral)? ?(acc|accel|acceleration|g)\b|\blat g\b|\ba ?lat\b", 1.0),
+    ),
+    "ax": (
+        (r"\b(a|acc|accel|acceleration|linear acceleration) ?x\b|\bx ?(acc|accel)\b", 1.0),
+        (r"\blong(itudinal)? ?(acc|accel|acceleration|g)\b|\ba ?long\b", 1.0),
+    ),
+    "vy": ((r"\b(v ?y|vel ?y|velocity ?y|linear y|lat(eral)? (speed|velocity|vel)|v ?lat)\b", 1.0),),
+    "steering": (
+        (r"\bdelta\b|\bsteer(ing)?\b|\bsteering ?angle\b|\bsteer ?angle\b|\broad ?wheel ?angle\b", 1.0),
+        (r"\b(swa|hand ?wheel|steering ?wheel|servo|wheel ?angle|c ?1|ch ?1|rudder)\b", 0.8),
+        (r"\bactuator (servos|controls 0) control [02]\b|\bangular z\b|\bsteer\w*\b", 0.5),
+    ),
+    "other": (
+        (r"\b(gyro?|gyr|omega|ang ?vel|angular velocity|ang|av|imu|w|g) ?y\b|\bpitch\b", 1.0),
+        (r"\b(acc|accel|acceleration|a) ?z\b|\bmag\w*|\b(current|voltage|battery|temp\w*|fuel)\b", 1.0),
+        (r"\b(throttle|motor|brake|gear|rpm|ticks?|pressure)\b", 1.0),
+        (r"\b(lat|lon|latitude|longitude|altitude|alt|satellites|hdop|error|cov\w*|quality|mode)\b", 1.0),
+    ),
+    "trial": ((r"^(trial|run|lap|session|experiment|test|segment|episode)( ?(id|number|no|nr))?$", 1.0),),
+    "bad": ((r"^(bad|invalid|outlier|reject|leave ?out)$", 1.0),),
+}
+_COMMANDED = re.compile(
+    r"\b(cmd|command|commanded|desired|des|target|ref|reference|set ?point|sp|goal|request)"
+)
+_NOT = {
+    "steering": re.compile(r"\b(rate|torque|vel|velocity|speed|dot|delta ?delta|d delta|effort|current)\b"),
+    "speed": re.compile(
+        r"\b(ang|angular|yaw|wheel (fl|fr|rl|rr)|wind|rpm|steer\w*|err\w*|cov\w*|acc\w*|control)\b"
+    ),
+    "r": re.compile(r"\b(acc\w*|err\w*|cov\w*|mag\w*|vel encoder)\b"),
+}
+UNIT_WORDS: dict[str, str] = {  # in brackets or as the last word of a name: the unit
+    **dict.fromkeys(("degps", "dps", "deg s", "degrees s", "degs", "deg sec", "deg per s"), "deg/s"),
+    **dict.fromkeys(("radps", "rad s", "rads", "rad sec"), "rad/s"),
+    **dict.fromkeys(("deg", "degree", "degrees", "°"), "deg"),
+    **dict.fromkeys(("rad", "radian", "radians"), "rad"),
+    **dict.fromkeys(("kmh", "kph", "kmph", "km h"), "km/h"),
+    **dict.fromkeys(("mph",), "mph"),
+    **dict.fromkeys(("kn", "kt", "kts", "knots"), "kn"),
+    **dict.fromkeys(("m s", "mps", "ms 1"), "m/s"),
+    **dict.fromkeys(("m s 2", "m s2", "m s^2", "mps2", "ms2", "mss", "m s s"), "m/s^2"),
+    "g": "g",
+    "us": "us",
+    "usec": "us",
+    "ms": "ms",
+    "msec": "ms",
+    "ns": "ns",
+    "nsec": "ns",
+    "nanosec": "ns",
+    "pwm": "us",
+}
+
+
+def words_of(name: str) -> str:
+    """The name in lower-case words: "angX" and "ang_x" are "ang x", "/imu.linear.z" is "imu linear z"."""
+    apart = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", name)
+    return re.sub(r"[^a-z0-9^°]+", " ", apart.lower()).strip()
+
+
+def name_weight(role: str, name: str) -> float:
+    """0 to 1: how much a column's name says that it has this role."""
+    words = re.sub(r"\b(rad|deg|degs|m|s|g|us|km h|kmph)$", "", words_of(without_unit(name))).strip()
+    words = words or words_of(name)
+    if (wrong := _NOT.get(role)) and wrong.search(words):
+        return 0.0
+    joined = max((weight for p, weight in _PATTERNS[role] if re.search(p, words)), default=0.0)
+    last = words_of(re.split(r"[./]", without_unit(name))[-1])
+    own = max((weight for p, weight in _PATTERNS[role] if re.search(p, last)), default=0.0)
+    found = max(0.8 * joined, own)
+    if role == "r" and "odom" in words:  # often computed from the steering
+        found *= 0.6
+    return found * (0.5 if role not in ("steering", "time") and is_commanded(name) else 1.0)
+
+
+def is_commanded(name: str) -> bool:
+    """True for a set value, which is not a measurement."""
+    return bool(_COMMANDED.search(words_of(name)))
+
+
+def without_unit(name: str) -> str:
+    """The name without a unit in brackets at its end."""
+    return re.sub(r"[\[(][^\])]*[\])]\s*$", "", name.strip("# "))
+
+
+def unit_in(name: str) -> str:
+    """The unit that a name tells, as in "omega(rad/s)" or "speed_kmh"; "" for none."""
+    found = re.search(r"[\[(]([^\])]*)[\])]\s*$", name)
+    if found and (unit := UNIT_WORDS.get(words_of(found[1].replace("²", "2")))):
+        return unit
+    last = words_of(name).split()[-1:]
+    return UNIT_WORDS.get(last[0], "") if last and len(last[0]) > 1 else ""

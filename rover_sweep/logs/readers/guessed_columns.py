@@ -1,0 +1,376 @@
+"""Finds the columns of an unknown table: what is time, steering, yaw rate, speed and accelerations.
+
+Names propose, physics decides: the yaw rate is the slope of the heading and of the course over ground, the
+speed is the slope of the position, V r is the lateral acceleration, and the yaw rate follows V times the
+steering. These relations also give units and signs.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from math import log
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rover_sweep.errors import UsageError
+from rover_sweep.logs.log import Array
+from rover_sweep.logs.readers.column_grid import GRID_HZ, ColumnGrid, gridded, relation
+from rover_sweep.logs.readers.column_map import FACTORS
+from rover_sweep.logs.readers.column_names import is_commanded, name_weight, unit_in
+from rover_sweep.logs.readers.motion_columns import (
+    LINK,
+    SPEED_UNITS,
+    UNRECORDED,
+    WEAK,
+    MotionColumns,
+    motion_columns,
+    moving_parts,
+    yaw_rate_of,
+)
+from rover_sweep.logs.readers.tables import RecordedTable
+
+NAMED = 0.7  # weight of a name that says the role
+LAGS = range(-4, 13)  # steps of the grid from steering to yaw rate
+LENGTHS = 0.1, 4.5  # m, of wheelbases
+
+
+@dataclass(frozen=True)
+class FoundColumn:
+    """A line of the column map. channel: its key; entry: its value, None where it stays undecided.
+
+    certainty: "certain", "likely" or "a guess". also: lines to write instead of it, as comments.
+    """
+
+    channel: str
+    entry: Any
+    certainty: str
+    reason: str
+    also: tuple[str, ...] = ()
+
+    def lines(self) -> Iterator[str]:
+        """Its text in the map."""
+        yield f"# {self.certainty}: {self.reason}" if self.entry is not None else f"# {self.reason}"
+        if self.entry is not None:
+            yield f"{self.channel} = {_toml(self.entry)}"
+        yield from (f"# {line}" for line in self.also)
+
+
+@dataclass(frozen=True)
+class ColumnGuess:
+    """What was found in a table. missing: what the map needs and was not found."""
+
+    table: str
+    found: tuple[FoundColumn, ...]
+    missing: tuple[str, ...] = ()
+
+    @property
+    def map(self) -> dict[str, Any]:
+        """The column map of all that was found."""
+        return {line.channel: line.entry for line in self.found if line.entry is not None}
+
+    def needed_map(self) -> dict[str, Any]:
+        """The column map; UsageError where a needed column was not found."""
+        if self.missing:
+            raise UsageError(
+                f"{self.table} needs a column map: no column was found for {', '.join(self.missing)}; write "
+                f"a map to complete with `rover-sweep columns {self.table} --out columns.toml`, and give it "
+                "with --columns columns.toml (all keys: docs/formats.md)"
+            )
+        return self.map
+
+    def sentence(self) -> str:
+        """What was taken for what, and how to correct it."""
+        taken = ", ".join(f"{k} = {_toml(v)}" for k, v in self.map.items())
+        return (
+            f"columns of {self.table}, found by their names and values: {taken}; to correct them, write the "
+            f"map with `rover-sweep columns`, and give it with --columns"
+        )
+
+    def text(self) -> str:
+        """The column map as TOML, with a reason for each line."""
+        return "\n".join(line for found in self.found for line in found.lines()) + "\n"
+
+
+def _toml(value: Any) -> str:
+    if isinstance(value, Mapping):
+        return "{" + ", ".join(f"{k} = {_toml(v)}" for k, v in value.items()) + "}"
+    return "[" + ", ".join(map(_toml, value)) + "]" if isinstance(value, list) else json.dumps(value)
+
+
+def guess_columns(table: RecordedTable) -> ColumnGuess:
+    """The roles of a table's columns, each with its certainty and reasons."""
+    grid = gridded(table)
+    motion = motion_columns(grid)
+    found: list[FoundColumn] = []
+    missing: list[str] = []
+    if motion.r and motion.speed:
+        steering = list(_steering_lines(grid, motion))
+        steered = any(s.channel in ("delta", "pwm") and s.certainty == "certain" for s in steering)
+        found += [*_motion_lines(grid, motion, steered), *steering, *_other_lines(grid, motion)]
+        if table.name.endswith(".ulg") and not motion.turned:
+            found.append(FoundColumn("axes", "frd", "certain", "PX4 logs forward, right and down"))
+    for channels, title in ((("delta", "pwm"), "steering"), (("r",), "yaw rate"), (("speed",), "speed")):
+        if not any(line.channel in channels and line.entry is not None for line in found):
+            missing.append(title)
+            if not any(line.channel in channels for line in found):
+                found.append(_undecided(channels[0], title, table))
+    clock = _clock_lines(grid, table, found)
+    if not clock.entry and any(s.time is None for s in table.streams):
+        missing.insert(0, "time")
+    first = [] if clock.entry is None and clock.certainty == "certain" else [clock]
+    return ColumnGuess(table.name, (*first, *found, *_mark_lines(table, grid)), tuple(missing))
+
+
+def _undecided(channel: str, title: str, table: RecordedTable) -> FoundColumn:
+    names = ", ".join(dict.fromkeys(table.header)) if len(table.header) <= 60 else "many columns"
+    return FoundColumn(channel, None, "", f"not found: {title}; the file has {names}", (f'{channel} = "?"',))
+
+
+def _clock_lines(grid: ColumnGrid, table: RecordedTable, found: Sequence[FoundColumn]) -> FoundColumn:
+    """The line of the time: of every recording whose columns are used."""
+    used = {name for line in found if line.entry is not None for name in _named(line.entry)}
+    numbers = [n for n, s in enumerate(table.streams) if used & set(s.names) and n in grid.clocks]
+    clocks = [grid.clocks[n] for n in numbers or list(grid.clocks)[:1]]
+    own = [c for c in clocks if c.entry is not None]
+    if not own:
+        if any(s.time is not None for s in table.streams):
+            return FoundColumn("time", None, "certain", "stamps of the file")
+        reason = "not found: no column rises evenly like a clock; of even samples, write their rate"
+        return FoundColumn("time", None, "", reason, ("time = {rate = 100}  # Hz",))
+    entry = own[0].entry if len(own) == 1 else [c.entry for c in own]
+    reason = "; ".join(dict.fromkeys(c.reason for c in own))
+    weakest = max((c.certainty for c in own), key=("certain", "likely", "a guess").index)
+    return FoundColumn("time", entry, weakest, reason)
+
+
+def _named(entry: Any) -> set[str]:
+    """Names of columns in an entry of the map."""
+    if isinstance(entry, str):
+        return {entry}
+    if isinstance(entry, Mapping):
+        return {n for k, v in entry.items() if k not in ("unit", "scale", "offset") for n in _named(v)}
+    return {n for part in entry for n in _named(part)} if isinstance(entry, list) else set()
+
+
+def _motion_lines(grid: ColumnGrid, motion: MotionColumns, steered: bool) -> Iterator[FoundColumn]:
+    """Lines of the yaw rate, the speed and the accelerations. steered: the steering is certain with these."""
+    links, units = motion.links, motion.units
+    made = motion.r == motion.heading
+    reasons = [] if made or name_weight("r", motion.r) < 0.3 else ["its name"]
+    if made:
+        reasons.append("no gyro was found, so it is the slope of the heading")
+    if "heading" in links:
+        reasons.append(f"its integral is the heading {motion.heading} ({_share(links['heading'])})")
+    if "course" in links:
+        reasons.append(f"the course over ground turns with it ({_share(links['course'])})")
+    if links.get("V r", (0, 0))[1] > WEAK:
+        reasons.append(f"V r is the lateral acceleration {motion.ay} ({_share(links['V r'])})")
+    if steered:
+        reasons.append("it follows the steering")
+    unit = units["r"]
+    scale = {"scale": -1} if motion.turned else {}
+    if motion.turned:
+        reasons.append("sign changed, as the course turns against it: left is positive")
+    reasons.append(f"unit {unit}" + ("" if motion.sure > 1 else ", not certain"))
+    if made and motion.r in grid.made:
+        entry: Any = {**grid.made[motion.r], **scale}
+    elif made:
+        entry = {"heading": motion.r, **({"unit": "deg"} if unit == "deg/s" else {}), **scale}
+    else:
+        entry = _entry(motion.r, unit, "rad/s", scale)
+    sure = len(reasons) - 1 - motion.turned
+    other = "deg/s" if unit == "rad/s" else "rad/s"
+    also = (f"r = {_toml(_entry(motion.r, other, '', scale))}",) if motion.sure <= 1 and not made else ()
+    yield FoundColumn(
+        "r", entry, _certainty(sure if motion.sure > 1 else min(sure, 2)), _words(reasons), also
+    )
+
+    yield _speed_line(grid, motion, steered)
+    if motion.ay:
+        k, share = links["V r"]
+        sign = {"scale": -1} if (k < 0) != motion.turned else {}
+        entry = _entry(motion.ay, units["ay"], "m/s^2", sign)
+        words = f"V r explains {100 * share:.0f} % of it{', sign changed to that of V r' if sign else ''}"
+        if share > WEAK:
+            yield FoundColumn("ay", entry, "certain" if share > LINK else "likely", f"{words}; {units['ay']}")
+        else:
+            reason = f"not decided: {motion.ay} is named like the lateral acceleration, but {words}"
+            yield FoundColumn("ay", None, "", reason, (f"ay = {_toml(entry)}",))
+
+
+def _speed_line(grid: ColumnGrid, motion: MotionColumns, steered: bool) -> FoundColumn:
+    name, links, unit = motion.speed, motion.links, motion.units["speed"]
+    k, share = links.get("V r", (0.0, 0.0))
+    if name == UNRECORDED:
+        ratio = abs(k) * FACTORS["m/s^2"][motion.units["ay"]] / FACTORS["rad/s"][motion.units["r"]]
+        constant = f"; {motion.ay} over the yaw rate says {ratio:.3g}" if share > WEAK else ""
+        reason = f"not found: speed; where it was constant, write its number in m/s{constant}"
+        return FoundColumn("speed", None, "", reason, (f"speed = {ratio if constant else 2.4:.3g}",))
+    reasons = ["its name"] if name_weight("speed", name) >= 0.3 and name not in grid.made else []
+    if name in grid.made:
+        reasons += ["made of two columns, as no speed was found"]
+    elif "position" in links and links["position"][1] > 0.5:
+        reasons.append(f"it is the slope of the position {motion.position} ({_share(links['position'])})")
+    if share > WEAK:
+        reasons.append(f"times the yaw rate it is {motion.ay}")
+    if steered:
+        reasons.append("times the steering it is the yaw rate")
+    sure = motion.sure > 1 or name in grid.made
+    sign = {"scale": -1} if np.median(grid.x[name]) < 0 else {}
+    also = (f"speed = {_toml({'column': name, 'unit': u})}" for u in SPEED_UNITS if u != unit)
+    entry = dict(grid.made[name]) if name in grid.made else _entry(name, unit, "m/s", sign)
+    words = _words([*reasons, f"unit {unit}" + ("" if sure else ", not certain")])
+    return FoundColumn("speed", entry, _certainty(len(reasons)), words, () if sure else tuple(also))
+
+
+def _entry(name: str, unit: str, own: str, more: Mapping[str, Any]) -> Any:
+    extra = {**({"unit": unit} if unit != own else {}), **more}
+    return {"column": name, **extra} if extra else name
+
+
+def _share(found: tuple[float, float]) -> str:
+    return f"{100 * found[1]:.0f} %"
+
+
+def _words(reasons: Sequence[str]) -> str:
+    return "; ".join(reasons)
+
+
+def _certainty(evidence: int) -> str:
+    return "certain" if evidence >= 3 else "likely" if evidence == 2 else "a guess"
+
+
+# Steering
+
+
+def _steering_lines(grid: ColumnGrid, motion: MotionColumns) -> Iterator[FoundColumn]:
+    """The line of the steering, and of how its samples hold."""
+    sign = -1.0 if motion.turned else 1.0
+    r = yaw_rate_of(grid, motion) * FACTORS["rad/s"][motion.units["r"]] * sign
+    v = grid.x[motion.speed] * FACTORS["m/s"][motion.units["speed"]]
+    v = v * (np.sign(np.median(v)) or 1.0)
+    moving = moving_parts(grid, motion.speed)
+    if moving.sum() < 40:
+        yield FoundColumn(
+            "delta", None, "", "not found: steering; the vehicle hardly moves", ('delta = "?"',)
+        )
+        return
+    taken = {motion.r, motion.speed, motion.ay, motion.heading, *motion.position.split(", ")}
+    tried = []
+    for name in grid.dot:
+        x, weight = grid.x[name], name_weight("steering", name)
+        other = max(name_weight(role, name) for role in ("r", "p", "ay", "ax", "vy", "psi", "speed", "other"))
+        if name in taken or name in grid.made or name in grid.period or (other >= NAMED and weight < other):
+            continue
+        k, share = relation(r, x)
+        if weight < 0.3 and share > 0.97 and abs(log(abs(k))) < 0.05:  # another yaw rate
+            continue
+        share, gain, lag = _follows(r, v, x, moving)
+        early = 0.3 * (lag < 0) + 0.1 * (lag == 0)
+        tried.append((share + 0.5 * weight - early, name, share, gain, lag, weight))
+    tried.sort(key=lambda found: -found[0])
+    if not tried or (tried[0][2] < 0.2 and tried[0][5] < NAMED) or tried[0][2] < 0.02:
+        near = ", ".join(f"{name} ({100 * share:.0f} %)" for _, name, share, *_ in tried[:3])
+        reason = f"not found: steering; no column moves the yaw rate: {near or 'none is left'}"
+        yield FoundColumn("delta", None, "", reason, ('delta = "?"',))
+        return
+    best = tried[0]
+    _, name, share, gain, lag, weight = best
+    channel, more, unit_words = _steering_unit(grid, name, gain if motion.speed != UNRECORDED else 0.0)
+    reasons = ["its name"] if weight >= 0.3 else []
+    reasons.append(f"the yaw rate follows V times it ({100 * share:.0f} %), {lag:.2f} s later")
+    if channel == "delta" and gain < 0:
+        more = {**more, "scale": -float(more.get("scale", 1.0))}
+        reasons.append("sign changed: left is positive")
+    reasons.append(unit_words)
+    if lag < 0:
+        reasons.append("the yaw rate leads it: are its clock or its column right?")
+    strong = (share > 0.5) + (share > LINK) + (weight >= NAMED)
+    others = [n for s, n, *_ in tried[1:4] if s > best[0] - 0.3 and s > 0.5]
+    also = tuple(f"{channel} = {_toml(_entry(n, '', '', more))}" for n in others)
+    yield FoundColumn(channel, _entry(name, "", "", more), _certainty(int(strong)), _words(reasons), also)
+    if grid.held[name] > 0.5 and is_commanded(name):
+        yield FoundColumn("sampling", "step", "likely", f"{100 * grid.held[name]:.0f} % of its values repeat")
+
+
+def _follows(r: Array, v: Array, u: Array, moving: NDArray[np.bool_]) -> tuple[float, float, float]:
+    """(share explained, curvature g per unit, lag s) of r = V g u(t - lag) + offset V + bias, at its best."""
+    inner = slice(max(LAGS), min(LAGS) or None)
+    use = moving[inner]
+    base = np.linalg.qr(np.stack((v[inner][use], np.ones(int(use.sum()))), 1))[0]
+
+    def rest(x: Array) -> Array:
+        return x - base @ (base.T @ x)
+
+    y = rest(r[inner][use])
+    moved = {lag: rest((v * np.roll(u, lag))[inner][use]) for lag in LAGS}
+    shares = {lag: abs(float(y @ x)) / np.sqrt(float(x @ x) + 1e-300) for lag, x in moved.items()}
+    best = max(LAGS, key=lambda lag: shares[lag])
+    gain, share = relation(y, moved[best])
+    return share, gain, best / GRID_HZ
+
+
+def _steering_unit(grid: ColumnGrid, name: str, gain: float) -> tuple[str, dict[str, Any], str]:
+    """(channel, unit and scale, words on them) of the steering with this curvature per unit; 0 if unknown."""
+    low, middle, high = (float(x) for x in np.percentile(grid.raw[name], (0.1, 50, 99.9)))
+    if low > 700 and high < 2300 and 1100 < middle < 1900:
+        return "pwm", {}, "pulses in us"
+    size, told = max(abs(low), abs(high)), unit_in(name)
+    lengths = {u: FACTORS["rad"][u] / abs(gain) if gain else 0.0 for u in ("rad", "deg")}
+    fits = [u for u, x in lengths.items() if not x or LENGTHS[0] < x < LENGTHS[1]]
+    normal = told not in lengths and min(abs(size - 1), abs(size / 100 - 1)) < 0.03
+    angles = {"rad": size < 1.2, "deg": 3 < size < 60}
+    unit = told if told in lengths else next((u for u in fits if angles[u]), "")
+    if unit in fits and not normal and size * FACTORS["rad"][unit] < 1.2:
+        why = "by its name" if told else "by its size"
+        seen = f", as if the wheelbase were {lengths[unit]:.2g} m" if gain else ""
+        return "delta", {"unit": unit} if unit == "deg" else {}, f"{unit} {why}{seen}"
+    find = "identify with --wheelbase finds it, as steering_ratio; models need it as scale"
+    if not normal and (unit or (size >= 60 and lengths["deg"] > 1)):
+        unit = unit or "deg"
+        words = f"{unit}, up to {size:.3g}, of a steering wheel? Its ratio is unknown: {find}"
+        return "delta", {"unit": unit} if unit == "deg" else {}, words
+    full = next((f for f in (1.0, 100.0, 1000.0, 1e4) if size < 1.1 * f), 1e5)
+    scale = {"scale": 1 / full} if full > 1 and size > 18 else {}
+    return "delta", scale, f"no angle, up to {size:.3g}: its size in rad is unknown; {find}"
+
+
+# Everything else
+
+
+def _other_lines(grid: ColumnGrid, motion: MotionColumns) -> Iterator[FoundColumn]:
+    """Roll rate from the gyro of the yaw rate; comments on what the map has no use for."""
+    same = [n for n in grid.dot if grid.stream[n] == grid.stream[motion.r] and n != motion.r]
+    roll = max(same, key=lambda n: name_weight("p", n), default="")
+    if roll and name_weight("p", roll) >= NAMED and motion.r != motion.heading:
+        entry = _entry(roll, motion.units["r"], "rad/s", {})
+        yield FoundColumn("p", entry, "likely", "its name; unit as the yaw rate's")
+    for role, what in (("ax", "longitudinal acceleration"), ("vy", "lateral speed")):
+        named = max(grid.dot, key=lambda n: name_weight(role, n), default="")
+        if named and name_weight(role, named) >= NAMED:
+            use = "not used" if role == "ax" else "write vy = ... if it was measured at the centre of gravity"
+            yield FoundColumn(role, None, "", f"{what}: {named} ({use})")
+
+
+def _mark_lines(table: RecordedTable, grid: ColumnGrid) -> Iterator[FoundColumn]:
+    """Columns that divide a file into trials, or mark rows that are bad."""
+    if len(table.streams) > 1:
+        return
+    stream = table.streams[0]
+    for role, key, words in (
+        ("trial", "trial", "its values divide the file"),
+        ("bad", "leave_out", "its name"),
+    ):
+        for name in stream.names:
+            values = [str(x) for x in stream[name]]
+            kinds = len(set(values))
+            changes = sum(a != b for a, b in pairwise(values)) + 1
+            fits = 1 < kinds == changes <= 100 if key == "trial" else kinds == 2
+            if name_weight(role, name) >= NAMED and fits:
+                yield FoundColumn(key, name, "likely", words)
+                break

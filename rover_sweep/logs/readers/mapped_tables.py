@@ -1,0 +1,227 @@
+"""The logs in a table of another system, by its column map; without one, by columns that are found."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rover_sweep.data.recording import LowPass, Note, Signal
+from rover_sweep.errors import DataRefused
+from rover_sweep.logs.log import Array, Log, increasing, refuse_disorder
+from rover_sweep.logs.readers.column_map import (
+    UNITS,
+    Column,
+    ColumnMap,
+    StreamClock,
+    own_names,
+    parse_column_map,
+    read_column_map,
+)
+from rover_sweep.logs.readers.guessed_columns import guess_columns
+from rover_sweep.logs.readers.made_signals import heading_of, slope
+from rover_sweep.logs.readers.tables import RecordedTable, TableStream, is_number, read_table, seconds_of
+
+NEEDED = {"pwm", "delta", "r", "speed"}
+SIGN_CHANGES = {"r", "ay", "vy", "psi", "delta"}  # between FRD and ISO axes
+THRUSTERS = [re.compile(rf"^(thr|thrust|throttle|thruster|motor)_?{side}(_|$)") for side in ("left", "right")]
+
+
+def read_mapped(paths: Sequence[Path], column_map: Mapping[str, Any] | str | None) -> tuple[Log, ...]:
+    """One `Log` for each trial in a file, or in several files of one drive.
+
+    Without a map the columns are those named like the channels, else those that `guess_columns` finds, with
+    a note. UsageError for a wrong map, DataRefused for a file that is empty, not a table, or of a vehicle
+    without steered wheels.
+    """
+    table = read_table(paths)
+    header, name = table.header, table.name
+    pair = [next((n for n in header if side.match(n.lower())), None) for side in THRUSTERS]
+    if all(pair):
+        raise DataRefused(
+            f"{name} comes from a vehicle without steered wheels: the columns {pair[0]} and {pair[1]} "
+            "show differential thrust. Only the lumped model applies: leave these columns out, and give the "
+            "turning command as pwm, r, ay and p (docs/questions.md)"
+        )
+    given = read_column_map(column_map) if isinstance(column_map, str) else column_map
+    if given is None and (given := own_names(header)) is None:
+        guess = guess_columns(table)
+        given = guess.needed_map()
+        table = replace(table, notes=(*table.notes, Note("warning", guess.sentence())))
+    columns = parse_column_map(given, header, all(s.time is not None for s in table.streams))
+    twice = sorted(name for name in columns.used if header.count(name) > 1)
+    if twice:
+        raise DataRefused(f"{name} has {header.count(twice[0])} columns {twice[0]}; rename all but one")
+    marks = [mark for mark in (columns.trial, columns.leave_out) if mark is not None]
+    if not marks:
+        everything = [np.ones(len(stream), bool) for stream in table.streams]
+        return (_log(table.stem, table, everything, columns),)
+    return _trials(table, columns, _marked_stream(table, columns, marks))
+
+
+def _marked_stream(table: RecordedTable, columns: ColumnMap, marks: Sequence[str]) -> TableStream:
+    """The stream of trial and leave_out; DataRefused where other columns are not of it."""
+    marked = table.of(marks[0])
+    other = sorted(name for name in columns.used if name not in marked)
+    if other:
+        raise DataRefused(
+            f"{table.name}: {marks[0]} was not recorded with {other[0]}, so it cannot divide it; leave "
+            "trial and leave_out away"
+        )
+    return marked
+
+
+def _trials(table: RecordedTable, columns: ColumnMap, stream: TableStream) -> tuple[Log, ...]:
+    def cells(column: str) -> list[str]:
+        found = stream[column]
+        return found if isinstance(found, list) else [f"{x:.9g}" for x in found]
+
+    trials = np.array(cells(columns.trial) if columns.trial else [""] * len(stream))
+    marked = np.zeros(len(stream), bool)
+    if columns.leave_out:  # true, yes or a number other than 0
+        no = ("", "0", "0.0", "false", "no")
+        marked = np.array([cell.strip().lower() not in no for cell in cells(columns.leave_out)])
+    logs = []
+    for label in dict.fromkeys(trials.tolist()):
+        own = trials == label
+        rows = [own & ~marked if s is stream else np.ones(len(s), bool) for s in table.streams]
+        log = _log(f"{table.stem} {label}" if columns.trial else table.stem, table, rows, columns)
+        if count := int(np.sum(own & marked)):
+            text = f"{count} rows marked in column {columns.leave_out} were left out"
+            log = replace(log, notes=(*log.notes, Note("warning", text)))
+        logs.append(log)
+    return tuple(logs)
+
+
+def _numbers(table: RecordedTable, column: str) -> Array:
+    cells = table.of(column)[column]
+    if not isinstance(cells, list):
+        return cells
+    try:
+        return np.array([cell.strip() or "nan" for cell in cells]).astype(float)
+    except ValueError:
+        row, cell = next((k, cell) for k, cell in enumerate(cells) if not is_number(cell))
+        comma = "; write decimal points, not commas" if is_number(cell.replace(",", ".")) else ""
+        raise DataRefused(
+            f"{table.name}: column {column} is not numeric ({cell.strip()[:20]!r} in row {row + 1}){comma}"
+        ) from None
+
+
+def _times(table: RecordedTable, stream: TableStream, clocks: Sequence[StreamClock]) -> tuple[Array, str]:
+    """The time (n,) s of each row of a stream, and the words for it."""
+    own = next((c for c in clocks if c.column and c.column.names[0] in stream), None)
+    if own is None and stream.time is not None:
+        return stream.time, "its stamps"
+    if own is None or own.column is None:
+        even = next((c for c in clocks if c.rate), None)
+        if even is None:
+            raise DataRefused(
+                f"{table.name}: the column map gives no time for {stream.names[0]} and what was recorded "
+                'with it; add it: time = ["one column", "another"]'
+            )
+        return np.arange(len(stream)) / even.rate, "even samples"
+    name = own.column.names[0]
+    cells = stream[name]
+    if isinstance(cells, list) and all(seconds_of(c) is not None for c in cells if c.strip()):
+        return np.array([s if (s := seconds_of(c)) is not None else np.nan for c in cells]), f"column {name}"
+    time = (_numbers(table, name) - own.column.offset) * own.column.scale
+    if own.nanoseconds:
+        time = time + _numbers(table, own.nanoseconds) * 1e-9
+    return time, f"column {name}"
+
+
+def _values(table: RecordedTable, column: Column) -> Array:
+    """(n, 1) in the channel's unit; of what is made of slopes, what these are of: (n, 1) or (n, 2)."""
+    parts = [_numbers(table, name) for name in column.names]
+    if column.made == "quaternion":
+        parts = [heading_of(*parts)]
+    scaled = [(part - column.offset) * column.scale for part in parts]
+    return np.stack([np.hypot(*scaled)] if column.made == "velocity" else scaled, 1)
+
+
+def _log(name: str, table: RecordedTable, rows: Sequence[NDArray[np.bool_]], columns: ColumnMap) -> Log:
+    """rows: for each stream a mask of the rows that are used."""
+    signals: dict[str, Signal] = {}
+    notes = list(table.notes)
+    times: dict[int, Array] = {}
+    for channel, column in columns.columns.items():
+        stream = table.of(column.names[0])
+        number = table.streams.index(stream)
+        keep = rows[number]
+        if number not in times:
+            times[number] = _checked(name, _times(table, stream, columns.clocks), keep, notes)
+        time, values = times[number], _values(table, column)[keep]
+        good = np.isfinite(values).all(axis=1) & np.isfinite(time)
+        t, parts = increasing(time[good], *values[good].T)
+        x = parts[0]
+        if column.made in ("heading", "quaternion"):
+            x = np.unwrap(x) if channel == "psi" else slope(t, np.unwrap(x))
+        elif column.made == "position":
+            x = np.hypot(*(slope(t, part) for part in parts))
+        if columns.frd and channel in SIGN_CHANGES:
+            x = -x
+        if t.size:
+            hold = channel == "throttle" or (columns.step and channel in ("pwm", "delta"))
+            signals[channel] = Signal(t, x, UNITS[channel], column.source, hold=hold)
+            if lost := int(np.sum(np.isfinite(time))) - int(np.sum(good)):
+                text = f"{channel} (column {column.source}): {lost} of {time.size} rows are no finite number"
+                notes.append(Note("warning", f"{text} and were left out"))
+        elif channel in NEEDED:
+            raise DataRefused(f"{name}: column {column.source} ({channel}) has no row with a finite number")
+        else:
+            notes.append(Note("warning", f"{channel} (column {column.source}) is empty and was left out"))
+    if len(times) > 1:
+        notes.append(_joined(name, list(times.values())))
+    whole = max(signals.values(), key=lambda s: s.t.size).t
+    for channel, value in columns.constants.items():
+        signals[channel] = Signal(whole, np.full(whole.size, value), UNITS[channel], "column map")
+    steering = tuple(signals.pop(c) for c in ("delta", "pwm") if c in signals)
+    gyro, accel = (columns.filters.get(key, 0.0) for key in ("gyro_hz", "accel_hz"))
+    filters = {
+        c: LowPass(f, "column map")
+        for c, f in (("r", gyro), ("p", gyro), ("ay", accel))
+        if f and c in signals
+    }
+    return Log(
+        name=name,
+        signals=signals,
+        steering=steering,
+        filters=filters,
+        notes=tuple(notes),
+        sources=table.sources,
+        whole=columns.whole,
+    )
+
+
+def _checked(name: str, timed: tuple[Array, str], keep: NDArray[np.bool_], notes: list[Note]) -> Array:
+    """The kept times (n,) s, with notes on those that are missing or disordered."""
+    time, words = timed[0][keep], timed[1]
+    refuse_disorder(name, {words: time})
+    known = time[np.isfinite(time)]
+    if known.size > 1 and np.ptp(known) == 0:
+        raise DataRefused(f"{name}: {words} (the time) has the same value in all rows")
+    if known.size < time.size:
+        notes.append(Note("warning", f"{time.size - known.size} rows have no time and were left out"))
+    if late := int(np.sum(np.diff(known) <= 0)):
+        notes.append(Note("warning", f"{late} rows are not later than the previous row and were left out"))
+    return time
+
+
+def _joined(name: str, times: Sequence[Array]) -> Note:
+    """A note that several clocks were used; DataRefused where they have no time in common."""
+    first, last = (f(g(t[np.isfinite(t)]) for t in times) for f, g in ((max, np.min), (min, np.max)))
+    if first >= last:
+        raise DataRefused(
+            f"{name}: steering, yaw rate and speed were recorded at no common time by their clocks; "
+            "are they of one drive, and the times in one unit?"
+        )
+    return Note(
+        "info",
+        f"the columns are of {len(times)} recordings with clocks of their own, joined by their times: each "
+        f"keeps its samples, and they have {last - first:.0f} s in common",
+    )

@@ -1,0 +1,302 @@
+"""The columns of yaw rate, speed and lateral acceleration, by what must hold between them in any vehicle."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import product
+from math import log, pi
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rover_sweep.logs.log import Array
+from rover_sweep.logs.readers.column_grid import EVERY, GRID_HZ, ColumnGrid, means, relation
+from rover_sweep.logs.readers.column_map import FACTORS
+from rover_sweep.logs.readers.column_names import name_weight, unit_in, without_unit, words_of
+
+LINK = 0.8  # share of the variance, from which a relation between two columns counts
+WEAK = 0.35  # from which it is used for units and signs
+UNIT = 0.15  # of the natural logarithm of a factor, within which it is that of a unit
+HARDEST, TIGHTEST = 25.0, 0.5  # m/s^2 and m, of turns that vehicles of usual sizes drive
+UNRECORDED = "(a speed that was not recorded)"
+SPEED_UNITS, RATE_UNITS, ACCELERATION_UNITS = ("m/s", "km/h", "mph"), ("rad/s", "deg/s"), ("m/s^2", "g")
+
+
+@dataclass(frozen=True)
+class MotionColumns:
+    """What was found of the motion. r: column of the yaw rate, or of the heading it is the slope of.
+
+    links: {what: (factor, share)} of the relations that speak for it. units: {role: unit}. turned: the yaw
+    rate is positive to the right. sure: how clearly the units are the best ones.
+    """
+
+    r: str = ""
+    speed: str = ""
+    ay: str = ""
+    heading: str = ""
+    position: str = ""
+    links: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    units: Mapping[str, str] = field(default_factory=dict)
+    turned: bool = False
+    sure: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class _Ground:
+    """Speed over ground (n,) m/s of two position columns; means of it, and of the course's rate, rad/s."""
+
+    name: str
+    pair: tuple[str, str]
+    speed: Array
+    mean_speed: Array
+    mean_rate: Array
+
+
+def _grounds(grid: ColumnGrid) -> Iterator[_Ground]:
+    """What pairs of columns give that may be a position: x and y, east and north, longitude and latitude."""
+    parts = {n for made in grid.made.values() for n in made.get("quaternion", ())}
+    names = [name for name in grid.dot if name not in parts]
+    for k, one in enumerate(names):
+        words = words_of(without_unit(one))
+        for x, y in (("x", "y"), ("east", "north"), ("lon", "lat"), ("longitude", "latitude"), ("e", "n")):
+            if words.split()[-1:] != [x] and not words.endswith(f"pos{x}"):
+                continue
+            other = y.join(words.rsplit(x, 1))
+            two = next((n for n in names if words_of(without_unit(n)) == other), "")
+            if two and grid.stream[one] == grid.stream[two]:
+                yield _ground(grid, one, two, degrees=x.startswith("lon"))
+        two = names[k + 1] if k + 1 < len(names) else ""
+        if two and _is_numbered(one) and re.sub(r"\d+\]?$", "", one) == re.sub(r"\d+\]?$", "", two):
+            yield _ground(grid, one, two)
+
+
+def _is_numbered(name: str) -> bool:
+    """True for a name such as column 3 or states[3], which says nothing but a place."""
+    return re.search(r"(column |\[|_)\d+\]?$", name) is not None
+
+
+def _ground(grid: ColumnGrid, one: str, two: str, degrees: bool = False) -> _Ground:
+    vx, vy = grid.dot[one], grid.dot[two]
+    if degrees:
+        vx, vy = vx * 111319.5 * np.cos(np.radians(grid.x[two])), vy * 111319.5
+    speed = np.hypot(vx, vy)
+    ax, ay = np.gradient(vx) * GRID_HZ, np.gradient(vy) * GRID_HZ
+    fast = np.maximum(speed, 0.2 * float(np.percentile(speed, 95)) + 1e-12)
+    return _Ground(f"{one}, {two}", (one, two), speed, means(speed), means((vx * ay - vy * ax) / fast**2))
+
+
+def motion_columns(grid: ColumnGrid) -> MotionColumns:
+    """Yaw rate, speed and lateral acceleration that agree best with each other and with their names."""
+    if not grid.dot:
+        return MotionColumns()
+    grounds = list(_grounds(grid))
+    speeds = sorted(_speeds(grid, grounds), key=lambda s: -s[0])[:6]
+    named = [name for _, name, _, _ in speeds if name_weight("speed", name) >= 0.5]
+    speeds += [] if named else _made_speeds(grid, grounds)
+    if not speeds:  # a constant one that was not recorded
+        grid.x[UNRECORDED] = np.ones_like(next(iter(grid.x.values())))
+        speeds = [(0.3, UNRECORDED, None, (0.0, 0.0))]
+    best = (0.5, MotionColumns())
+    for score, name, ground, place in speeds:
+        moving = moving_parts(grid, name)
+        for more, one in _yaw_rates(grid, ground, moving, place):
+            tried = _with_acceleration(grid, replace(one, speed=name), moving)
+            share = tried.links.get("V r", (0.0, 0.0))[1]
+            best = max(best, (score + more + share, tried), key=lambda pair: pair[0])
+    return best[1]
+
+
+def moving_parts(grid: ColumnGrid, speed: str) -> NDArray[np.bool_]:
+    v = np.abs(grid.x[speed])
+    return v > 0.2 * np.percentile(v, 95)
+
+
+def _made_speeds(
+    grid: ColumnGrid, grounds: Sequence[_Ground]
+) -> Iterator[tuple[float, str, _Ground | None, tuple[float, float]]]:
+    """Speeds as `_speeds` gives them, made of two velocities, or else of two positions."""
+    for ground in grounds:
+        pair = [_slope_of(grid, one)[1] for one in ground.pair]
+        made = {"velocity": pair} if all(pair) else {"position": list(ground.pair)}
+        title = f"{next(iter(made))} {', '.join(*made.values())}"
+        speed = np.hypot(*(grid.x[name] for name in pair)) if all(pair) else ground.speed
+        grid.made[title] = made
+        grid.x[title] = grid.raw[title] = speed
+        grid.mean[title] = means(speed)
+        grid.stream[title] = grid.stream[ground.pair[0]]
+        score = 0.8 if all(pair) else 0.0 if _is_numbered(ground.pair[0]) else 0.4
+        yield score, title, ground, (1.0, 1.0)
+
+
+def _slope_of(grid: ColumnGrid, position: str) -> tuple[float, str]:
+    """(share, the column) that is the slope of a position, in the same unit; (LINK, "") without one."""
+    best = (LINK, "")
+    for name in grid.dot:
+        if grid.stream[name] == grid.stream[position] and name not in grid.made:
+            k, share = relation(grid.mean[name], grid.mean_dot[position])
+            best = max(best, (share if abs(log(abs(k) + 1e-12)) < UNIT else 0.0, name))
+    return best
+
+
+def _speeds(
+    grid: ColumnGrid, grounds: Sequence[_Ground]
+) -> Iterator[tuple[float, str, _Ground | None, tuple[float, float]]]:
+    """(score, column, position whose slope it is, (metres per second of its unit, share))."""
+    components = [_slope_of(grid, one) for g in grounds for one in g.pair]
+    for name in grid.dot:
+        x, weight = grid.x[name], name_weight("speed", name)
+        forward = float(np.mean(x * np.sign(np.median(x)) > -0.05 * np.max(np.abs(x))))
+        if name in grid.made or (weight < 0.5 and forward < 0.9):
+            continue
+        links = [(*relation(g.mean_speed, np.abs(grid.mean[name])), g) for g in grounds if name not in g.name]
+        k, share, ground = max(links, key=lambda pair: pair[1], default=(0.0, 0.0, None))
+        if weight < 0.5 and any(part > share for part, component in components if component == name):
+            continue
+        if share > LINK and any(abs(log(abs(k) / FACTORS["m/s"][u])) < UNIT for u in SPEED_UNITS) and k > 0:
+            yield weight + 1.5 * share, name, ground, (k, share)
+        elif weight >= 0.3 or (_is_numbered(name) and forward > 0.99):
+            near = ground if share > 0.5 and k > 0 else None
+            yield weight, name, near or (grounds[0] if grounds else None), (k, share if near else 0.0)
+
+
+def _yaw_rates(
+    grid: ColumnGrid, ground: _Ground | None, moving: NDArray[np.bool_], place: tuple[float, float]
+) -> Iterator[tuple[float, MotionColumns]]:
+    """(score, what is known) of each column that may be the yaw rate, or the heading that gives it."""
+    headings = {
+        name: max(
+            name_weight("psi", name),
+            0.8 * bool(grid.period.get(name)),
+            1.0 * ("quaternion" in grid.made.get(name, ())),
+            0.1 * (_is_numbered(name) and bool(np.ptp(grid.x[name]) > 1)),
+        )
+        for name in grid.dot
+    }
+    position = ground.name if ground and place[1] else ""
+    for name in grid.dot:
+        weight = name_weight("r", name)
+        links: dict[str, tuple[float, float]] = {"position": place} if position else {}
+        if name in grid.made or name in grid.period:
+            weight = 0.0
+        pairs = [
+            (*relation(grid.mean[name], grid.mean_dot[h]), h) for h, w in headings.items() if w and h != name
+        ]
+        k, share, heading = max(pairs, key=lambda pair: pair[1], default=(0.0, 0.0, ""))
+        if share > LINK and _is_unit_factor(k):
+            links["heading"] = (k, share)
+        if ground is not None and position:
+            course = relation(grid.mean[name], ground.mean_rate, moving[::EVERY])
+            if course[1] > WEAK and _is_unit_factor(course[0]):
+                links["course"] = course
+        evidence = sum(links[n][1] for n in ("heading", "course") if n in links)
+        if weight >= 0.3 or evidence > 1.2:
+            one = MotionColumns(
+                name, heading=heading if "heading" in links else "", position=position, links=links
+            )
+            yield weight + evidence, one
+    for name, weight in headings.items():
+        if weight < 0.6:
+            continue
+        course = (
+            relation(grid.mean_dot[name], ground.mean_rate, moving[::EVERY])
+            if ground and position
+            else (0.0, 0.0)
+        )
+        share = course[1]
+        links = {"position": place} if position else {}
+        links |= {"course": course} if share > WEAK else {}
+        yield 0.7 * weight + 0.5 * share, MotionColumns(name, heading=name, position=position, links=links)
+
+
+def _is_unit_factor(k: float) -> bool:
+    """True for the ratio of two rates of turn, each in rad/s or deg/s."""
+    return any(abs(log(abs(k) * factor + 1e-12)) < UNIT for factor in (1.0, pi / 180, 180 / pi))
+
+
+def yaw_rate_of(grid: ColumnGrid, motion: MotionColumns) -> Array:
+    """The yaw rate (n,) in the unit of its column."""
+    return grid.dot[motion.r] if motion.r == motion.heading else grid.x[motion.r]
+
+
+def _with_acceleration(grid: ColumnGrid, motion: MotionColumns, moving: NDArray[np.bool_]) -> MotionColumns:
+    """With the lateral acceleration, and the units and signs that all relations together make likely."""
+    vr = (np.abs(grid.x[motion.speed]) * yaw_rate_of(grid, motion))[moving]
+    taken = {motion.r, motion.speed, *motion.position.split(", ")}
+    best = (WEAK, "", (0.0, 0.0))
+    for name in grid.dot:
+        if name in taken or name in grid.made or name in grid.period:
+            continue
+        x, weight = grid.x[name], name_weight("ay", name)
+        k, share = relation(x[moving], vr)
+        others = max(name_weight(role, name) for role in ("r", "p", "ax", "steering", "vy", "psi", "speed"))
+        if weight and share + weight - 0.7 * others > best[0]:
+            best = (share + weight - 0.7 * others, name, (k, share))
+    found = replace(motion, ay=best[1], links={**motion.links, "V r": best[2]} if best[1] else motion.links)
+    return _with_units(grid, found)
+
+
+def _with_units(grid: ColumnGrid, motion: MotionColumns) -> MotionColumns:
+    """The units of speed, yaw rate and acceleration with the least contradictions."""
+    links, told = motion.links, {role: unit_in(getattr(motion, role)) for role in ("r", "speed", "ay")}
+    made = motion.r == motion.heading
+    if made and told["r"] in ("rad", "deg"):
+        told["r"] = f"{told['r']}/s"
+    if made and motion.r in grid.made:
+        told["r"] = "rad/s"
+    heading = _angle_unit(grid, motion.heading)
+    gravity = _gravity_unit(grid, motion.ay)
+    costs: list[tuple[float, dict[str, str]]] = []
+    rate, speed = np.abs(yaw_rate_of(grid, motion)), np.abs(grid.x[motion.speed])
+    vr = float(np.percentile(speed * rate, 99))
+    moving = moving_parts(grid, motion.speed)
+    curvature = float(np.percentile(rate[moving] / speed[moving], 99)) if moving.any() else 0.0
+    for v, r, a in product(SPEED_UNITS, RATE_UNITS, ACCELERATION_UNITS):
+        fv, fr, fa = FACTORS["m/s"][v], FACTORS["rad/s"][r], FACTORS["m/s^2"][a]
+        cost = {"m/s": 0.0, "km/h": 0.7, "mph": 1.0}[v] + 0.3 * (r == "deg/s") + 0.3 * (a == "g")
+        cost += sum(
+            2.0 for role, unit in (("speed", v), ("r", r), ("ay", a)) if told[role] and told[role] != unit
+        )
+        cost += 2.5 * (bool(gravity) and gravity != a)
+        if made:
+            cost += 3.0 * (bool(heading) and not heading.startswith(r[:3]))
+        elif "heading" in links and heading:
+            cost += 2 * abs(log(abs(links["heading"][0]) * fr / FACTORS["rad"][heading]))
+        if "course" in links:
+            cost += 2 * links["course"][1] * abs(log(abs(links["course"][0]) * fr))
+        if "position" in links and links["position"][1] > 0.5:
+            cost += 3 * abs(log(links["position"][0] / fv))
+        k, share = links.get("V r", (0.0, 0.0))
+        if share > WEAK:
+            cost += 3 * share * abs(log(abs(k) * fa / (fv * fr)))
+        cost += 2 * max(0.0, log((vr * fv * fr + 1e-9) / HARDEST)) + max(
+            0.0, log(0.2 / (vr * fv * fr + 1e-9))
+        )
+        cost += 2 * max(0.0, log((curvature * fr / fv + 1e-9) * TIGHTEST))
+        costs.append((cost, {"speed": v, "r": r, "ay": a}))
+    costs.sort(key=lambda pair: pair[0])
+    units = costs[0][1]
+    rest = [cost for cost, other in costs if (other["speed"], other["r"]) != (units["speed"], units["r"])]
+    turned = links.get("course", (1.0, 0.0))[0] < 0
+    return replace(motion, units=units, turned=turned, sure=rest[0] - costs[0][0])
+
+
+def _angle_unit(grid: ColumnGrid, name: str) -> str:
+    """Of an angle: rad or deg by its wraps or its name, "" where neither says it."""
+    if name in grid.made:
+        return "rad"
+    if period := grid.period.get(name):
+        return "deg" if period == 360 else "rad"
+    unit = unit_in(name)
+    return unit if unit in FACTORS["rad"] else ""
+
+
+def _gravity_unit(grid: ColumnGrid, name: str) -> str:
+    """Of an acceleration: the unit in which the vertical one beside it is gravity, "" without one."""
+    if not name:
+        return ""
+    same = [n for n in grid.raw if grid.stream[n] == grid.stream[name]]
+    vertical = [n for n in same if words_of(n) == "z".join(words_of(name).rsplit("y", 1)) and n != name]
+    level = abs(float(np.mean(grid.raw[vertical[0]]))) if vertical else 0.0
+    return "m/s^2" if 8 < level < 11.5 else "g" if 0.8 < level < 1.2 else ""

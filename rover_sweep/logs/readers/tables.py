@@ -1,0 +1,371 @@
+"""Recordings of other systems as tables: .csv, Parquet, MATLAB, PX4's ULog, ROS bags and MCAP.
+
+A table has one stream for each topic, or for each length of a MATLAB file's vectors; all columns of a stream
+were recorded together. Several files of one drive are joined by their clocks: every column keeps its own
+samples, so that nothing is interpolated before it is needed.
+"""
+
+from __future__ import annotations
+
+import csv
+import importlib
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, fields, is_dataclass, replace
+from operator import attrgetter, itemgetter
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rover_sweep.data.recording import Note
+from rover_sweep.errors import DataRefused, missing_extra
+from rover_sweep.logs.log import Array, source_of
+
+FEWEST_ROWS = 20  # of a topic or a vector; shorter ones are settings
+WIDEST = 32  # columns of a matrix or array; wider ones are maps and pictures
+LARGEST = 20_000  # bytes of a message; larger ones are pictures and scans
+OTHER_CLOCK = 1.0  # s between stamp and arrival of a message, from which its stamps are of another clock
+
+
+@dataclass(frozen=True, eq=False)
+class TableStream:
+    """Columns that were recorded together: names, and for each its (n,) numbers or, of a .csv, its cells.
+
+    time: (n,) s on the recording's clock; None where the file does not say which column is the time.
+    """
+
+    names: tuple[str, ...]
+    cells: tuple[Array | list[str], ...]
+    time: Array | None = None
+
+    def __contains__(self, column: str) -> bool:
+        return column in self.names
+
+    def __len__(self) -> int:
+        return len(self.cells[0])
+
+    def __getitem__(self, column: str) -> Array | list[str]:
+        return self.cells[self.names.index(column)]
+
+
+@dataclass(frozen=True, eq=False)
+class RecordedTable:
+    """The streams of one recording. name: of its file or files; sources: (file name, sha256) of each."""
+
+    name: str
+    stem: str
+    streams: tuple[TableStream, ...]
+    sources: tuple[tuple[str, str], ...]
+    notes: tuple[Note, ...] = field(default=())
+
+    @property
+    def header(self) -> list[str]:
+        """Names of all columns, as often as they occur."""
+        return [name for stream in self.streams for name in stream.names]
+
+    def of(self, column: str) -> TableStream:
+        """The stream that has a column; KeyError without one."""
+        for stream in self.streams:
+            if column in stream:
+                return stream
+        raise KeyError(column)
+
+
+def read_table(paths: Sequence[Path]) -> RecordedTable:
+    """The table of one file, or of several files of one drive: their columns are then `stem.column`.
+
+    DataRefused for a file that cannot be read, UsageError where the library for it is not installed.
+    """
+    tables = [_read(path) for path in paths]
+    if len(tables) == 1:
+        return tables[0]
+    stems = [table.stem for table in tables]
+    if len(set(stems)) < len(stems):  # of several folders
+        stems = [f"{path.parent.name}/{path.stem}" for path in paths]
+    streams = [
+        replace(stream, names=tuple(f"{stem}.{name}" for name in stream.names))
+        for stem, table in zip(stems, tables, strict=True)
+        for stream in table.streams
+    ]
+    return RecordedTable(
+        "+".join(table.name for table in tables),
+        "+".join(stems),
+        tuple(streams),
+        tuple(source for table in tables for source in table.sources),
+        tuple(note for table in tables for note in table.notes),
+    )
+
+
+def _read(path: Path) -> RecordedTable:
+    folder = path.is_dir()
+    read = READERS["bag" if folder else path.suffix.lower()]
+    notes: list[Note] = []
+    streams = tuple(read(path, notes))
+    files = sorted(p for p in path.iterdir() if p.is_file()) if folder else [path]
+    if not streams:
+        raise DataRefused(f"{path.name} holds no series of at least {FEWEST_ROWS} numbers")
+    return RecordedTable(path.name, path.stem, streams, tuple(map(source_of, files)), tuple(notes))
+
+
+def _library(name: str, what: str) -> Any:
+    try:
+        return importlib.import_module(name)
+    except ImportError as error:
+        library = name.partition(".")[0]
+        raise missing_extra(f"{what} needs {library}", "readers") from error
+
+
+def _csv(path: Path, notes: list[Note]) -> Iterator[TableStream]:
+    """Rows separated by comma, semicolon or tab. Columns of a file without a header are column 1, 2, ..."""
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise DataRefused(f"{path.name} is not a text file: {error.reason} at byte {error.start}") from error
+    lines = text.splitlines()
+    first = lines[0] if lines else ""
+    if not first.strip():
+        raise DataRefused(f"{path.name} is empty: its first line must name the columns")
+    skipped = 0
+    delimiter = max(",;\t", key=first.count)
+    while first.startswith("#") and skipped + 1 < len(lines):  # a comment, not the header
+        following = max(",;\t", key=lines[skipped + 1].count)
+        if lines[skipped + 1].count(following) <= first.count(following):
+            break
+        skipped, first, delimiter = skipped + 1, lines[skipped + 1], following
+    try:
+        header, *rows = list(csv.reader(lines[skipped:], delimiter=delimiter, strict=True))
+    except csv.Error as error:  # after an open quote the rest of the file is one cell
+        raise DataRefused(
+            f"{path.name} is not a table of numbers ({error}); is a quote not closed?"
+        ) from error
+    header = [name.strip() for name in header]
+    numbered = [row for row in enumerate(rows, skipped + 2) if row[1]]
+    short = next(((line, len(row)) for line, row in numbered if len(row) != len(header)), None)
+    if short is not None:
+        raise DataRefused(f"{path.name}: line {short[0]} has {short[1]} of {len(header)} columns")
+    rows = [row for _, row in numbered]
+    if all(is_value(name) for name in header) and any(header):
+        rows = [header, *rows]
+        header = [f"column {n}" for n in range(1, len(header) + 1)]
+        notes.append(Note("info", f"{path.name} has no names of columns; they are column 1, column 2, ..."))
+    elif len(rows) > 1 and not any(map(is_value, rows[0])) and any(map(is_value, rows[1])):  # units
+        header = [f"{name} [{unit.strip(' []()')}]" for name, unit in zip(header, rows[0], strict=True)]
+        rows = rows[1:]
+    if not rows:
+        raise DataRefused(f"{path.name} has a header but no rows")
+    yield TableStream(tuple(header), tuple([row[i] for row in rows] for i in range(len(header))))
+
+
+def is_number(cell: str) -> bool:
+    """True for a number, and for an empty cell."""
+    try:
+        float(cell.strip() or "nan")
+    except ValueError:
+        return False
+    return True
+
+
+def is_value(cell: str) -> bool:
+    """True for a number or a date with a time of day; an empty cell is none."""
+    return bool(cell.strip()) and (is_number(cell) or seconds_of(cell) is not None)
+
+
+_DATE = r"(?:(?P<day>\d{4}\D\d{1,2}\D\d{1,2}|\d{1,2}\D\d{1,2}\D\d{4})[T\s_,-]+)?"
+_STAMP = re.compile(rf"\s*{_DATE}(?P<h>\d{{1,2}})[:_-](?P<m>\d\d)[:_-](?P<s>\d\d)(?:[.,_:](?P<f>\d+))?")
+
+
+def seconds_of(cell: str) -> float | None:
+    """Seconds of a date-time such as 2024-04-23 13:34:01.638, or of a time of day; None for anything else.
+
+    They count from the date 0001-01-01, without a time zone.
+    """
+    found = _STAMP.match(cell)
+    if not found:
+        return None
+    day = 0
+    if found["day"]:
+        parts = [int(part) for part in re.split(r"\D", found["day"])]
+        year, month, date = parts if parts[0] > 31 else (parts[2], parts[1], parts[0])
+        month, date = (month, date) if month <= 12 else (date, month)
+        day = int(np.datetime64(f"{year:04d}-{month:02d}-{date:02d}").astype(int)) if month and date else 0
+    clock = 3600 * int(found["h"]) + 60 * int(found["m"]) + int(found["s"])
+    return 86400.0 * day + clock + (float(f"0.{found['f']}") if found["f"] else 0.0)
+
+
+def _parquet(path: Path, notes: list[Note]) -> Iterator[TableStream]:
+    parquet = _library("pyarrow.parquet", "a Parquet file")
+    types = _library("pyarrow.types", "a Parquet file")
+    try:
+        table = parquet.read_table(path).flatten()
+    except (OSError, ValueError) as error:
+        raise DataRefused(f"{path.name} is not a Parquet file: {str(error).splitlines()[0]}") from error
+    found: dict[str, Array | list[str]] = {}
+    for name, column in zip(table.column_names, table.columns, strict=True):
+        kind = column.type
+        if types.is_timestamp(kind):
+            stamps = column.to_numpy().astype("datetime64[ns]")
+            found[name] = np.where(np.isnat(stamps), np.nan, stamps.astype("int64") * 1e-9)
+        elif types.is_integer(kind) or types.is_floating(kind) or types.is_boolean(kind):
+            found[name] = np.asarray(column.to_numpy(), float)
+        elif types.is_string(kind) or types.is_large_string(kind):
+            found[name] = [str(cell or "") for cell in column.to_pylist()]
+    if found and table.num_rows >= 1:
+        yield TableStream(tuple(found), tuple(found.values()))
+
+
+def _matlab(path: Path, notes: list[Note]) -> Iterator[TableStream]:
+    """Vectors and narrow matrices, also those in structures (a.b); matrices are a[1], a[2], ..."""
+    from scipy.io import loadmat
+    from scipy.io.matlab import MatReadError
+
+    try:
+        try:
+            content = loadmat(path, simplify_cells=True)
+        except NotImplementedError:  # version 7.3
+            content = _library("mat73", "a MATLAB file of version 7.3").loadmat(str(path))
+    except (MatReadError, ValueError, OSError, TypeError, KeyError) as error:
+        raise DataRefused(f"{path.name} is not a MATLAB file: {error}") from error
+    by_length: dict[int, dict[str, Array]] = {}
+    for name, column in _vectors("", content):
+        by_length.setdefault(column.size, {})[name] = column
+    for columns in by_length.values():
+        yield TableStream(tuple(columns), tuple(columns.values()))
+
+
+def _vectors(prefix: str, value: Any) -> Iterator[tuple[str, Array]]:
+    if isinstance(value, Mapping):
+        for name, part in value.items():
+            if not str(name).startswith("__"):
+                yield from _vectors(f"{prefix}.{name}" if prefix else str(name), part)
+        return
+    if not isinstance(value, np.ndarray) or value.dtype.kind not in "biuf":
+        return
+    x = np.squeeze(value)
+    if x.ndim == 2 and min(x.shape) <= WIDEST and max(x.shape) >= FEWEST_ROWS:
+        for n, row in enumerate(x if x.shape[1] > x.shape[0] else x.T, 1):
+            yield f"{prefix}[{n}]", np.asarray(row, float)
+    elif x.ndim == 1 and x.size >= FEWEST_ROWS:
+        yield prefix, np.asarray(x, float)
+
+
+def _ulog(path: Path, notes: list[Note]) -> Iterator[TableStream]:
+    """One stream for each topic; a further instance of a topic is topic:1."""
+    pyulog = _library("pyulog", "a ULog file")
+    try:
+        log = pyulog.ULog(str(path))
+    except Exception as error:  # the library raises what damaged bytes lead to
+        raise DataRefused(f"{path.name} is not a ULog file, or damaged: {error}") from error
+    for topic in log.data_list:
+        stamps = np.asarray(topic.data["timestamp"], float) * 1e-6
+        if stamps.size >= FEWEST_ROWS:
+            name = topic.name + (f":{topic.multi_id}" if topic.multi_id else "")
+            columns = {f: np.asarray(x, float) for f, x in topic.data.items() if f != "timestamp"}
+            yield TableStream(tuple(f"{name}.{f}" for f in columns), tuple(columns.values()), stamps)
+
+
+# Of the messages that steer most small cars, which older bags hold without their definition
+_ACKERMANN = (
+    "float32 steering_angle\nfloat32 steering_angle_velocity\nfloat32 speed\n"
+    "float32 acceleration\nfloat32 jerk"
+)
+_STAMPED = "std_msgs/Header header\nackermann_msgs/AckermannDrive drive"
+
+
+def _bag(path: Path, notes: list[Note]) -> Iterator[TableStream]:
+    """One stream for each topic of a ROS 1 or 2 bag or an MCAP file with ROS messages."""
+    highlevel = _library("rosbags.highlevel", "a ROS bag or an MCAP file")
+    typesys = _library("rosbags.typesys", "a ROS bag or an MCAP file")
+    store = typesys.get_typestore(typesys.Stores.LATEST)
+    for text, kind in ((_ACKERMANN, "AckermannDrive"), (_STAMPED, "AckermannDriveStamped")):
+        store.register(typesys.get_types_from_msg(text, f"ackermann_msgs/msg/{kind}"))
+    rows: dict[str, _Topic] = {}
+    unknown: dict[str, str] = {}
+    try:
+        with highlevel.AnyReader([path], default_typestore=store) as reader:
+            for connection, arrival, raw in reader.messages():
+                topic, kind = connection.topic, connection.msgtype
+                if topic in unknown or len(raw) > LARGEST:
+                    continue
+                try:
+                    message = reader.deserialize(raw, kind)
+                except (KeyError, AttributeError, ValueError, TypeError):
+                    unknown[topic] = kind
+                    continue
+                if topic not in rows:
+                    rows[topic] = _Topic(tuple(_fields(message)))
+                rows[topic].add(message, arrival * 1e-9)
+    except Exception as error:  # three formats, each with errors of its own
+        raise DataRefused(f"{path.name} cannot be read as a ROS bag: {error}") from error
+    if unknown:
+        words = ", ".join(f"{topic} ({kind})" for topic, kind in sorted(unknown.items()))
+        notes.append(Note("warning", f"the bag does not hold the definition of {words}; left out"))
+    for topic, kept in rows.items():
+        if len(kept.arrivals) >= FEWEST_ROWS and kept.numbered:
+            numbers = np.array(kept.numbers, float).T
+            yield TableStream(
+                tuple(f"{topic}.{name}" for name, _ in kept.numbered), tuple(numbers), kept.time()
+            )
+
+
+@dataclass
+class _Topic:
+    """The messages of one topic. numbered: (name, how to get its number from a message)."""
+
+    numbered: tuple[tuple[str, Callable[[Any], Any]], ...]
+    numbers: list[list[float]] = field(default_factory=list)
+    arrivals: list[float] = field(default_factory=list)
+    stamps: list[float] = field(default_factory=list)
+
+    def add(self, message: Any, arrival: float) -> None:
+        try:
+            self.numbers.append([get(message) for _, get in self.numbered])
+        except IndexError:  # a sequence that became shorter
+            return
+        self.arrivals.append(arrival)
+        stamp = getattr(getattr(message, "header", None), "stamp", None)
+        self.stamps.append(stamp.sec + stamp.nanosec * 1e-9 if stamp is not None else np.nan)
+
+    def time(self) -> Array:
+        """The sender's stamps, unless they are of another clock than the recorder's."""
+        stamps, arrivals = np.array(self.stamps), np.array(self.arrivals)
+        if np.all(np.abs(stamps - arrivals) < OTHER_CLOCK):
+            return stamps
+        return arrivals
+
+
+def _fields(message: Any) -> Iterator[tuple[str, Callable[[Any], Any]]]:
+    """(name, getter) of each number in messages like this one."""
+    for name in (f.name for f in fields(message)):
+        value = getattr(message, name)
+        if name == "header" or "covariance" in name:
+            continue
+        if is_dataclass(value):
+            for below, get in _fields(value):
+                yield f"{name}.{below}", _chained(attrgetter(name), get)
+        elif isinstance(value, bool | int | float | np.number):
+            yield name, attrgetter(name)
+        elif isinstance(value, np.ndarray) and value.dtype.kind in "biuf" and value.size <= WIDEST:
+            for k in range(value.size):
+                yield f"{name}[{k}]", _chained(attrgetter(name), itemgetter(k))
+
+
+def _chained(first: Callable[[Any], Any], second: Callable[[Any], Any]) -> Callable[[Any], Any]:
+    return lambda message: second(first(message))
+
+
+READERS: Mapping[str, Callable[[Path, list[Note]], Iterator[TableStream]]] = {
+    ".csv": _csv,
+    ".parquet": _parquet,
+    ".mat": _matlab,
+    ".ulg": _ulog,
+    ".bag": _bag,
+    ".mcap": _bag,
+    ".db3": _bag,
+    "bag": _bag,  # the folder of a ROS 2 bag
+}
+
+
+def is_table_file(path: Path) -> bool:
+    """True for a file that `read_table` reads, and for the folder of a ROS 2 bag."""
+    return (path / "metadata.yaml").is_file() if path.is_dir() else path.suffix.lower() in READERS
