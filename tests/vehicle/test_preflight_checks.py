@@ -121,6 +121,8 @@ def test_where_all_is_well_all_checks_say_so() -> None:
         ("logging", "bad", "is a card in it", seen(logging=False)),
         ("disk", "bad", "room for 2 runs", seen(disk=(9_000_000, "today"))),
         ("battery", "bad", "at or below BATT_LOW_VOLT 10.5 V", seen(battery=Battery(10.4, 0.5))),
+        ("battery", "doubtful", "BATT_WATT_MAX 200 W lowers the throttle", seen({"BATT_WATT_MAX": 200.0})),
+        ("parameters", "good", "MOT_REV_DELAY 0.3 s: the motor pauses", seen({"MOT_REV_DELAY": 0.3})),
         ("gps", "bad", "no speed", seen(gps=Gps(2, 4))),
         ("ekf", "bad", "the EKF has no velocity and no position", seen(estimator=Estimator(1))),
         ("rc", "bad", "only this computer could stop the rover", seen(channels={})),

@@ -83,7 +83,12 @@ def parameters(observed: Observation) -> Check:
         names = ", ".join(observed.pending)
         sentence = f"{names} was set and takes effect after a reboot"
         return Check("parameters", "bad", f"reboot for {names}", sentence, Remedy("reboot", reboot=True))
-    return Check("parameters", "good", f"all {total} fit")
+    pause = observed.parameter("MOT_REV_DELAY")
+    sentence = (
+        f"MOT_REV_DELAY {pause:g} s: the motor pauses where its direction changes, so not in a sweep, but "
+        "where the rover brakes or reverses"
+    )
+    return Check("parameters", "good", f"all {total} fit", sentence if pause > 0 else "")
 
 
 def _differs(checked: SurveyedParameter) -> str:

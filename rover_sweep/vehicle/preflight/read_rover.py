@@ -198,6 +198,8 @@ _NAMES = (
     *(f"RC{n}_OPTION" for n in range(1, 17)),
     *("FRAME_CLASS", *(f"SERVO{n}_FUNCTION" for n in range(1, 17))),
 )
+_NEWER = ("BATT_WATT_MAX", "MOT_REV_DELAY")
+_NEWER_SINCE = (4, 7)
 _SETTLED, _MEASURED = 0.5, 2.0  # s of the vehicle's clock: ArduPilot slows streams during transfers
 _JUDGED = 10.0  # Hz: a slower stream sends too few messages in that time
 _ANSWER = 1.0  # s
@@ -210,7 +212,7 @@ def look(link: Link, folder: Path, w_max: float | None = None) -> Observation:
     the applet's (SWP_WMAX).
     """
     latest = _messages(link)
-    has = read_present(link, _NAMES)
+    has = read_present(link, (*_NAMES, *(_NEWER if link.version >= _NEWER_SINCE else ())))
     if has.get("SCR_ENABLE") == 1 and link.clock.now < SCRIPTS_START:
         await_applet(link, SCRIPTS_START - link.clock.now)
     found = survey(link, read(shipped("identification")))

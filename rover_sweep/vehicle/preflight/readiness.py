@@ -114,6 +114,13 @@ def battery(observed: Observation) -> Check:
             value,
             "the rover has no BATT_LOW_VOLT, so it is unknown whether this is low",
         )
+    if (watts := observed.parameter("BATT_WATT_MAX")) > 0:
+        sentence = (
+            f"BATT_WATT_MAX {watts:g} W lowers the throttle where the motor takes more, so the speed of a "
+            "run may fall. A throttle sweep writes the motor's output itself: that limit does not act in it"
+        )
+        hand = Remedy("drive below the limit, or set BATT_WATT_MAX to 0 for the runs", by_hand=True)
+        return Check("battery", "doubtful", value, sentence, hand)
     return Check("battery", "good", value)
 
 
