@@ -67,7 +67,7 @@ def both_ways(model: ModelResult, work: Work) -> tuple[BothWays, ...]:
     return (*pairs, *(replace(_pair(*row), expected=True) for row in modes if len(row) == 2))
 
 
-def differences(found: Sequence[BothWays]) -> tuple[str, ...]:
+def ways_compared(found: Sequence[BothWays]) -> tuple[str, ...]:
     """Sentences on what agrees and what differs between both ways; () without intervals."""
     judged = [pair for pair in found if pair.differs is not None and not pair.expected]
     apart = [pair for pair in judged if pair.differs]

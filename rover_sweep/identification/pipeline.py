@@ -17,7 +17,7 @@ from rover_sweep.data.recording import Recording
 from rover_sweep.data.results import ByName, PlainNumbers, Quantity, ShortTable, Shown, band_words, number
 from rover_sweep.data.vehicle_file import Vehicle
 from rover_sweep.identification.bootstrap import with_intervals
-from rover_sweep.identification.both_ways import BothWays, both_ways, differences
+from rover_sweep.identification.both_ways import BothWays, both_ways, ways_compared
 from rover_sweep.identification.fit import Condition, FitResult, costs, drawn_starts, fit, has_zero_response
 from rover_sweep.identification.grouping import MODELS, Group, Settings, grouped
 from rover_sweep.identification.handling import Handling, gain_error, handling, has_handling
@@ -349,7 +349,7 @@ def identify(
     tyres = stiffness_by_amplitude(models[best], work) if best in PHYSICAL else ()
     compared = next((n for n in (best, *PHYSICAL) if n in PHYSICAL and n in models and not no_tyres), None)
     pairs = both_ways(models[compared], work) if compared else ()
-    said = (*sentences, *differences(pairs), *remarks)
+    said = (*sentences, *ways_compared(pairs), *remarks)
     return Identification(
         geometry, wanted, groups, quality, models, refused, best, said, by_amplitude=tyres, both_ways=pairs
     )

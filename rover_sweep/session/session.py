@@ -42,6 +42,7 @@ from rover_sweep.vehicle.setup import install
 # A rover that a run left armed: whether this session did it, and stopping and disarming it afterwards.
 
 
+_SLOWED = 0.6  # of a granted rate
 _SAME_DRIVE = 600.0  # s of the vehicle's clock after which somebody else is taken to have armed it
 
 
@@ -268,10 +269,13 @@ def _drive(
         logs = MavlinkLogs(link)
         if plan.logs:
             session.logs_before(listed(logs.logs()))
-        yield from start_streams(link)
+        granted = yield from start_streams(link)
         yield from await_estimator(link)
         finished: list[RunFinished] = []
         for planned in session.to_drive:
+            if finished and (slowed := _slowed(finished[-1], granted)):
+                yield Notice("warning", f"{slowed}; the streams are requested again")
+                granted = yield from start_streams(link)
             if not (yield from _run(link, planned, session, plan.settings, finished)):
                 break
         stop(link, IDENTIFICATION_RATES)
@@ -363,13 +367,24 @@ def _disarmed(link: Link, patience: float) -> Generator[Event, None, bool]:
     return not link.armed
 
 
-def start_streams(link: Link) -> Iterator[Event]:
-    """Request the streams for identification, and report the granted rates."""
+def start_streams(link: Link) -> Generator[Event, None, dict[str, float]]:
+    """Request the streams for identification, and report the granted rates. Returns them by message [Hz]."""
     streams = request_all(link, read_parameter(link, "SCHED_LOOP_RATE"))
     yield StreamsSet(streams)
     for stream in streams:
         if stream.advice:
             yield Notice("warning", stream.advice)
+    return {stream.message: stream.hz for stream in streams}
+
+
+def _slowed(run: RunFinished, granted: Mapping[str, float]) -> str:
+    """A sentence if messages came much more rarely than granted, as when another station set their rates."""
+    rates = [
+        f"{q.message} came at {q.mean_hz:.0f} instead of {granted[q.message]:.0f} Hz"
+        for q in run.quality
+        if q.count > 2 and q.mean_hz < _SLOWED * granted.get(q.message, 0.0)
+    ]
+    return f"in {run.name} {', '.join(rates)}" if rates else ""
 
 
 def await_estimator(link: Link, patience: float = 90.0) -> Iterator[Event]:

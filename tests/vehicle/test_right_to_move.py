@@ -13,7 +13,7 @@ from rover_sweep.vehicle.link.connection import VehicleClock
 from rover_sweep.vehicle.run import right_to_move
 from rover_sweep.vehicle.run.right_to_move import MovementLimits, RightToMove
 
-LIMITS = MovementLimits(drives=True, ours=frozenset({1, 3, 6}), manoeuvre=30.0, still=1.0, v_max=3.0)
+LIMITS = MovementLimits(drives=True, ours={1: 1500, 3: 1500, 6: 1100}, manoeuvre=30.0, still=1.0, v_max=3.0)
 WAITING, SWEEP = 2, 6
 RC = 65536
 
@@ -117,6 +117,15 @@ def reboot(run: Run) -> None:
     run.go(0.5)
 
 
+def another_throttle(run: Run) -> None:
+    """Another station's throttle shows, while our switch is in force."""
+    run.right.sends({1: 1500, 3: 1710, 6: 1900})
+    run.pwm |= {3: 1710, 6: 1900}
+    run.go(0.5)
+    run.pwm[3] = 1650
+    run.go(0.3)
+
+
 def jump_of_channels(run: Run) -> None:
     run.pwm |= {2: 1000, 5: 1100}
     run.go(0.3)
@@ -136,6 +145,7 @@ CASES: tuple[tuple[str, Callable[[Run], None], str], ...] = (
     ("transmitter_alive", setting(health=0), "the RC receiver is not healthy (SYS_STATUS)"),
     ("transmitter_alive", setting(rssi=0), "the radio's RSSI fell from 200 to 0"),
     ("transmitter_alive", jump_of_channels, "RC channels 2, 5 jumped at once"),
+    ("undisputed", another_throttle, "RC channel 3 is at 1650 us, where this program sends 1710"),
     ("armed_in_manual", setting(armed=False), "the rover was disarmed"),
     ("armed_in_manual", setting(mode=4), "the rover left MANUAL (mode 4)"),
 )
@@ -164,6 +174,17 @@ def test_without_the_rule_it_holds(
     happen(run)
     run.right.holds()
     assert run.right.lost == ""
+
+
+def test_overrides_that_lapse_are_not_of_others() -> None:
+    """All of ours go at once; what shows then is the radio."""
+    run = Run()
+    run.right.sends({1: 1500, 3: 1710, 6: 1900})
+    run.pwm |= {3: 1710, 6: 1900}
+    run.go(6.0)
+    run.pwm |= {3: 1502, 6: 1105}
+    run.go(1.0)
+    assert run.holds and not run.right.contested
 
 
 def test_every_rule_has_a_case() -> None:

@@ -181,7 +181,7 @@ def foreign_bytes(seconds: float = EVER) -> Fault:
         if world.now_us % 100_000 == 0 and world.connected:
             world.down.put(b"$GPRMC,\xfd\x09\x00hello", world.now_us, own=False)
 
-    return _each_step("foreign bytes", babble, seconds)
+    return each_step("foreign bytes", babble, seconds)
 
 
 def second_rover(seconds: float = EVER, state: int = 6) -> Fault:
@@ -202,10 +202,10 @@ def second_rover(seconds: float = EVER, state: int = 6) -> Fault:
             world.down.put(bytes(message.pack(mav)), world.now_us, own=False)
             mav.seq = (mav.seq + 1) % 256
 
-    return _each_step("second rover", tell, seconds)
+    return each_step("second rover", tell, seconds)
 
 
-def _each_step(name: str, change: Change, seconds: float) -> Fault:
+def each_step(name: str, change: Change, seconds: float) -> Fault:
     def begin(world: World) -> None:
         world.each_step.append(change)
 

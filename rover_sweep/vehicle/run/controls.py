@@ -102,6 +102,7 @@ class Controls:
         """Begin to override: the switch low and, if we drive, steering and throttle at trim."""
         self._override = overridden(self.channels, self._trigger, self._drive)
         if self._override:
+            self._right.sends(self._override)
             self._periodic = [self._link.every(0.0, self._guard), bursts(self._link, self._refresh)]
 
     def throttle(self, us: int) -> None:
@@ -110,6 +111,7 @@ class Controls:
             raise ValueError("the pilot has the throttle in this run")
         if self._override.get(self.channels.throttle) != us and self._right.holds():
             self._override[self.channels.throttle] = us
+            self._right.sends(self._override)
             self._refresh()
 
     def throw(self) -> None:
@@ -121,6 +123,7 @@ class Controls:
             return
         if self._trigger == "override":
             self._override[self.channels.switch] = HIGH
+            self._right.sends(self._override)
             self._refresh()
         elif self._trigger == "aux":
             self._switch_is_ours = True

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
 from firmware_params.applet_parameters import STATES
@@ -28,6 +28,39 @@ def outcome_told(text: str) -> tuple[int, bool, str] | None:
         return None
     completed = match[2] is None
     return int(match[1]), completed, COMPLETED if completed else match[2] or STOPPED_BY_APPLET
+
+
+class ParameterWatch:
+    """Parameters that somebody else sets while a run is driven. known: {name: value} before it.
+
+    ArduPilot sends PARAM_VALUE on every link when a parameter is set.
+    """
+
+    def __init__(self, known: Mapping[str, float]) -> None:
+        self._known, self._changed = dict(known), dict[str, float]()
+
+    def message(self, message: Message) -> None:
+        """Take a message of the vehicle."""
+        if kind(message) != "PARAM_VALUE" or message.param_id not in self._known:
+            return
+        value = float(message.param_value)
+        if math.isclose(value, self._known[message.param_id], rel_tol=1e-5, abs_tol=1e-9):
+            self._changed.pop(message.param_id, None)
+        else:
+            self._changed[message.param_id] = value
+
+    @property
+    def sentence(self) -> str:
+        """What was changed and what to do, '' for nothing."""
+        told = [
+            f"{name} from {self._known[name]:.7g} to {value:.7g}" for name, value in self._changed.items()
+        ]
+        if not told:
+            return ""
+        return (
+            f"somebody else changed {', '.join(told)} during the run: a run is identified with one value of "
+            "each parameter, so drive it again"
+        )
 
 
 @dataclass

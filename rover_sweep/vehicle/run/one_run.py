@@ -29,6 +29,7 @@ from rover_sweep.vehicle.link.streams import StreamMonitor
 from rover_sweep.vehicle.parameters import (
     RADIO_MISSED,
     RADIO_MISSED_SINCE,
+    SHORT,
     Lapse,
     read_parameter,
     read_present,
@@ -44,7 +45,7 @@ from rover_sweep.vehicle.run.controls import (
     overridden,
     pump,
 )
-from rover_sweep.vehicle.run.follow import Follower, RebootWatch
+from rover_sweep.vehicle.run.follow import Follower, ParameterWatch, RebootWatch
 from rover_sweep.vehicle.run.right_to_move import MovementLimits, RightToMove
 
 # Conditions before the rover is armed and its switch thrown, and the number that allows one run.
@@ -172,6 +173,7 @@ _START_LIMIT = 10.0  # s of the vehicle's clock from our switch to the applet's 
 _ARMING_LIMIT = 60.0  # s for which we try to arm: a consent does not last for ever
 _LOOK, _ASKED = 0.1, 0.3  # s
 _BEFORE_ARMING = 1.0  # s: the radio inputs must show our override before the arming checks
+_SET_IN_A_RUN = (*SHORT, "SWP_GO", "SWP_RUN")  # by this program and by the applet
 _JUDGED = frozenset({"SERVO_OUTPUT_RAW", "ATTITUDE", "RAW_IMU"})
 # Read at the start of each run, so that its .tlog explains itself (filters, steering output, limits).
 _SELF_DESCRIBING = (
@@ -200,12 +202,14 @@ def one_run(
     """
     link.record_to(tlog)
     began = link.line.monotonic(), link.clock.now
-    yield from _upload(link, parameters_of(manoeuvre, **settings.extra))
+    asked_for = parameters_of(manoeuvre, **settings.extra)
+    yield from _upload(link, asked_for)
     newer = (RADIO_MISSED,) if link.version >= RADIO_MISSED_SINCE else ()
     present = read_present(link, (*_SELF_DESCRIBING, *newer))
     refuse_blind(present, settings)
     channels = find_channels(link)
     follower, monitor = Follower(_steering_output(present)), StreamMonitor(_JUDGED)
+    watch = ParameterWatch({n: v for n, v in (present | asked_for).items() if n not in _SET_IN_A_RUN})
     reboots = RebootWatch.since_now(link.clock)
     asked = link.line.monotonic()
     yield RunStarted(name, manoeuvre, tlog)
@@ -223,7 +227,7 @@ def one_run(
                 yield from await_rest(link, follower, settings)
                 lapse.shorten()
                 start = yield from _start(link, controls, follower, settings, right)
-                with link.listening(monitor):
+                with link.listening(monitor), link.listening(watch.message):
                     yield from _follow(link, controls, follower, settings, limit, right)
             except BaseException as error:
                 unstopped, failed = _stop_applet(error, link, settings), controls.let_go()
@@ -235,7 +239,7 @@ def one_run(
             holds_switch = settings.trigger == "override"
             outcome = hear_outcome(link, follower, right, name, failures, holds_switch)
         yield from follower.take()
-    for failure in failures:
+    for failure in (*failures, *filter(None, (watch.sentence,))):
         yield Notice("warning", f"after {name}: {failure}")
     if settings.trigger == "pilot":
         yield SwitchWanted("low", channels.switch)
@@ -252,7 +256,7 @@ def _limits(
 ) -> MovementLimits:
     return MovementLimits(
         drives=drives,
-        ours=frozenset(ours),
+        ours=ours,
         manoeuvre=manoeuvre.duration,
         still=present.get("SWP_STILL", 0.0),
         v_max=present.get("SWP_V_MAX", math.inf),

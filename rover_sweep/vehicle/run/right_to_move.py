@@ -12,8 +12,8 @@ that counts sleep, and the wall clock if the computer has none that counts sleep
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 
 from rover_sweep.vehicle.link.connection import VehicleClock
 from rover_sweep.vehicle.link.mavlink import SAFETY_ARMED, Message, kind
@@ -28,17 +28,19 @@ _SPARE = 6.0  # s that a phase may take longer than planned
 _RC_RECEIVER = 65536  # MAV_SYS_STATUS_SENSOR_RC_RECEIVER
 _RSSI_UNKNOWN = 255
 _JUMP, _JUMPED = 150, 2  # us between two RC_CHANNELS; channels
+_SHOWS = 5.0  # s after which RC_CHANNELS shows what was sent, over the slowest link
+_DISPUTED, _TWICE = 3.0, 2  # s; messages within it
 _MANUAL = 0
 _STANDING, _WAIT, _FIRST, _LAST, _AFTER = 1, 2, 3, 8, 9  # SWP_ST
 
 
 @dataclass(frozen=True)
 class MovementLimits:
-    """Limits of a run. drives: we drive; ours: RC channels that we override; manoeuvre, still: duration of
-    steering and of standstill [s]; v_max: highest speed [m/s]."""
+    """Limits of a run. drives: we drive; ours: RC channels that we override, with their value at rest [us];
+    manoeuvre, still: duration of steering and of standstill [s]; v_max: highest speed [m/s]."""
 
     drives: bool = False
-    ours: frozenset[int] = frozenset()
+    ours: Mapping[int, int] = field(default_factory=dict)
     manoeuvre: float = math.inf
     still: float = 0.0
     v_max: float = math.inf
@@ -81,6 +83,7 @@ class Situation:
     armed: bool
     mode: int
     no_transmitter: str
+    contested: str = ""
 
     @property
     def under_way(self) -> bool:
@@ -125,7 +128,12 @@ def slow_enough(s: Situation) -> str:
 
 def speed_known(s: Situation) -> str:
     blind = s.driven and not s.since_speed <= REPORTED
-    return "the rover's speed is unknown (no LOCAL_POSITION_NED)" if blind else ""
+    return (
+        f"the rover's speed is unknown (no LOCAL_POSITION_NED for {s.since_speed:.1f} s: the EKF lost its "
+        "position, or another ground station slowed the streams)"
+        if blind
+        else ""
+    )
 
 
 def in_time(s: Situation) -> str:
@@ -150,6 +158,10 @@ def transmitter_alive(s: Situation) -> str:
     return s.no_transmitter and f"{s.no_transmitter}: the safety pilot's transmitter may be lost"
 
 
+def undisputed(s: Situation) -> str:
+    return s.contested
+
+
 def armed_in_manual(s: Situation) -> str:
     if not s.thrown:
         return ""
@@ -169,6 +181,7 @@ RULES: tuple[Rule, ...] = (
     speed_known,
     in_time,
     transmitter_alive,
+    undisputed,
     armed_in_manual,
 )
 """Each returns why the right is lost, '' if it is not."""
@@ -177,11 +190,11 @@ RULES: tuple[Rule, ...] = (
 class RightToMove:
     """See above. Its time starts when it is made: make it after the user's consent, and listen at once.
 
-    lost: why it was lost, '' while it holds.
+    lost: why it was lost, '' while it holds; contested: who else moves the rover, '' for nobody.
     """
 
     def __init__(self, line: Line, clock: VehicleClock, limits: MovementLimits) -> None:
-        self.lost = ""
+        self.lost = self.contested = ""
         self._line, self._clock, self._limits = line, clock, limits
         self._reboots = RebootWatch.since_now(clock)
         now = self._now()
@@ -194,6 +207,12 @@ class RightToMove:
         self._state = self._run = self._begun = 0
         self._speed, self._armed, self._mode = math.nan, False, _MANUAL
         self._rssi, self._channels, self._no_transmitter = 0, dict[int, int](), ""
+        self._sent: list[tuple[float, Mapping[int, int]]] = []
+        self._foreign: list[tuple[float, int, int]] = []
+
+    def sends(self, override: Mapping[int, int]) -> None:
+        """From now on this program overrides these RC channels {number: us}."""
+        self._sent.append((self._clock.now, dict(override)))
 
     def thrown(self, before: int) -> None:
         """The switch goes high now. before: SWP_RUN until now; the new run has another number."""
@@ -238,6 +257,7 @@ class RightToMove:
             case "SYS_STATUS":
                 self._receiver(message)
             case "RC_CHANNELS":
+                self._overrides_of_others(message, now.vehicle)
                 self._signal(int(message.rssi))
                 self._failsafe_values(message)
 
@@ -251,6 +271,28 @@ class RightToMove:
             if value != self._state:
                 driving = _FIRST <= value <= _LAST and _FIRST <= self._state <= _LAST
                 self._state, self._entered = value, self._entered if driving else now
+
+    def _overrides_of_others(self, message: Message, now: float) -> None:
+        """Two values of channels that this program never sent, while one of ours is in force.
+
+        ArduPilot takes overrides of any station with the id in SYSID_MYGCS, and the last one counts. Ours may
+        also lapse, but then all of them do.
+        """
+        if not self._thrown or not self._sent:
+            return
+        latest, since = self._sent[-1][1], now - _SHOWS
+        settled = sum(t <= since for t, _ in self._sent)
+        recent = [sent for _, sent in self._sent[max(settled - 1, 0) :]]
+        seen = {n: int(getattr(message, f"chan{n}_raw")) for n in latest}
+        self._foreign = [one for one in self._foreign if one[0] > now - _DISPUTED]
+        self._foreign += [(now, n, us) for n, us in seen.items() if all(us != sent.get(n) for sent in recent)]
+        in_force = [n for n, us in seen.items() if us == latest[n] != self._limits.ours.get(n)]
+        if in_force and len({t for t, *_ in self._foreign}) >= _TWICE:
+            _, n, us = self._foreign[-1]
+            self.contested = (
+                f"RC channel {n} is at {us} us, where this program sends {latest[n]}: another ground station "
+                "overrides it"
+            )
 
     def _receiver(self, message: Message) -> None:
         present = message.onboard_control_sensors_present & _RC_RECEIVER
@@ -300,6 +342,7 @@ class RightToMove:
             armed=self._armed,
             mode=self._mode,
             no_transmitter=self._no_transmitter,
+            contested=self.contested,
         )
 
     def _now(self) -> Instant:
