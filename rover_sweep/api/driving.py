@@ -11,6 +11,8 @@ from typing import Any
 import numpy as np
 
 from rover_sweep.api.read import Location
+from rover_sweep.data.vehicle_file import load
+from rover_sweep.data.vehicle_geometry import geometry_of
 from rover_sweep.driving.answer import DrivingAnswer, answer_from
 from rover_sweep.errors import DataRefused, UsageError
 from rover_sweep.logs.log import Log
@@ -46,21 +48,26 @@ def identify_driving(
     *sources: Location,
     columns: Mapping[str, Any] | str | None = None,
     wheelbase: float | None = None,
+    vehicle: Location | None = None,
     system: int | None = None,
 ) -> DrivingIdentification:
     """What any driving of one rover shows of its steering: a mission, or driving about by hand.
 
     sources: .BIN, .tlog, "log.BIN+log.tlog", or files of other systems (.csv, .parquet, .mat, .ulg, .bag,
     .mcap), whose columns are found where `columns`, a column map, is not given; `read` then says which.
-    wheelbase [m], if it was measured: gives K_us in deg/g and the steering ratio. system: MAVLink id of the
-    vehicle in a .tlog.
+    wheelbase [m], if it was measured: gives K_us in deg/g and the steering ratio. vehicle: a vehicle file
+    instead, for these and, with its mass, yaw inertia and centre of gravity, the tyres. system: MAVLink id of
+    the vehicle in a .tlog.
 
     `numbers` by name, as far as the driving shows them: `curvature` of the path for each 100 us and
     `least_radius` (steering in us), or `wheelbase_seen` (in rad); `straight`, the output that drives straight
     ahead; `delay`, `lag` and their sum `response_time`; `understeer`, K_us over the wheelbase, or
     `understeer_gradient`; `characteristic_speed` or `critical_speed`; `bend`, how much less the rover turns
-    in hard turns. A poor result raises nothing: its level and reasons say so. UsageError for a missing file,
-    DataRefused for a log that cannot be read or has no steering, speed or yaw rate.
+    in hard turns; `steering_curve`, and the curvature of each side (`curvature_left`), where they differ
+    from a straight line; `front_stiffness` and `rear_stiffness` with a vehicle file. Logs that do not agree
+    give no number; `each` has their own answers. A poor result raises nothing: its level and reasons say so.
+    UsageError for a missing file, DataRefused for a log that cannot be read or has no steering, speed or
+    yaw rate.
 
     >>> driven = rs.identify_driving("run1.BIN")
     >>> driven.level, driven.numbers["straight"].unit
@@ -73,8 +80,9 @@ def identify_driving(
     if wheelbase is not None and not (known and low <= wheelbase <= high):
         raise UsageError(f"the wheelbase is {wheelbase!r}; give metres, {low:g} to {high:g}")
     names = [fspath(source) for source in sources]
+    rover = None if vehicle is None else geometry_of(load(vehicle))
     logs = _logs(names, columns, system)
-    found = answer_from(logs, wheelbase)
+    found = answer_from(logs, wheelbase, rover)
     return DrivingIdentification(
         **{f.name: getattr(found, f.name) for f in fields(found)},
         sources=tuple(Path(n).name for n in names),

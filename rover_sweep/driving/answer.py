@@ -9,12 +9,13 @@ from typing import Literal
 
 import numpy as np
 
-from rover_sweep.data.geometry import GRAVITY
+from rover_sweep.data.geometry import GRAVITY, Geometry
 from rover_sweep.data.recording import Array, Signal
 from rover_sweep.data.results import ByName, Quantity, ShortTable, Shown, ends_words, number, plain_number
 from rover_sweep.driving.agreement import disagreeing
-from rover_sweep.driving.fit import OF_SPEED, DrivingFit, fit_driving, precision_with
+from rover_sweep.driving.fit import OF_SPEED, DrivingFit, fit_driving, precision_with, reached, tyre_time
 from rover_sweep.driving.stretches import RATE, DrivenPart, Driving, usable_driving
+from rover_sweep.driving.tyres import tyre_stiffnesses
 from rover_sweep.logs.log import Log
 from rover_sweep.manoeuvre.sweep import Sweep
 
@@ -26,7 +27,12 @@ SPEEDS_APART = 1.3  # ratio of the speeds in turns, from which they show what de
 HARD_TURN = 3.0  # m/s^2, at which the bend of the tyres is told
 EXTRAPOLATED = 1.5  # a characteristic or critical speed is told up to so many times the fastest turns
 KNOWN = 0.5  # of a value; a wider half interval makes it unknown
+VISIBLE = (
+    0.03  # of the curvature: smaller differences between the sides, and bends of the curve, are not told
+)
 SWEEP, SWEEP_SPEED = Sweep(amplitude=120.0), 2.0  # advised; us, m/s
+NO_TYRES = "Tyre stiffnesses and yaw inertia, which need sweeps and a vehicle file with the mass"
+NO_TYRES_KNOWN = "Tyre stiffnesses, which need sweeps, or yaw_inertia and turns at speeds further apart"
 DEG_PER_G = GRAVITY * 180 / pi
 
 
@@ -67,22 +73,25 @@ class DrivingAnswer(Shown):
         return ShortTable(title, headings, rows, (*self.reasons, *self.unknown))
 
 
-def answer_from(logs: Sequence[Log], wheelbase: float | None = None) -> DrivingAnswer:
+def answer_from(
+    logs: Sequence[Log], wheelbase: float | None = None, rover: Geometry | None = None
+) -> DrivingAnswer:
     """What these logs show together, or each file of its own where their numbers disagree.
 
-    wheelbase [m] turns some numbers into physical ones.
+    wheelbase [m] turns some numbers into physical ones, and so do the known numbers of the rover.
     """
+    wheelbase = wheelbase or (rover.wheelbase if rover else None)
     files: dict[tuple[tuple[str, str], ...], list[Log]] = {}
     for log in logs:
         files.setdefault(log.sources, []).append(log)
     if len(files) == 1:
-        return _together(logs, wheelbase)
+        return _together(logs, wheelbase, rover)
     each: dict[str, DrivingAnswer] = {}
     for k, (sources, of_file) in enumerate(files.items()):
         name = "+".join(name for name, _ in sources)
-        each[f"{name} ({k + 1})" if name in each else name] = _together(of_file, wheelbase)
+        each[f"{name} ({k + 1})" if name in each else name] = _together(of_file, wheelbase, rover)
     if not (names := disagreeing([(a.numbers, a.speeds[1]) for a in each.values() if a.numbers])):
-        return _together(logs, wheelbase)
+        return _together(logs, wheelbase, rover)
     why = (
         f"the logs do not agree on {' and '.join(name.replace('_', ' ') for name in names)}: the rover was "
         "changed between them, or they are of several rovers"
@@ -90,13 +99,13 @@ def answer_from(logs: Sequence[Log], wheelbase: float | None = None) -> DrivingA
     return DrivingAnswer("none", ByName(()), (why,), (), usable_driving(logs), each=each)
 
 
-def _together(logs: Sequence[Log], wheelbase: float | None) -> DrivingAnswer:
+def _together(logs: Sequence[Log], wheelbase: float | None, rover: Geometry | None) -> DrivingAnswer:
     """What these logs of one rover show."""
     driving = usable_driving(logs)
     used = driving.stretches
     if driving.seconds < LEAST_SECONDS:
         return _nothing(
-            driving, f"only {driving.seconds:.0f} s of driving can be used, {LEAST_SECONDS:.0f} s are needed"
+            driving, f"only {int(driving.seconds)} s of driving can be used, {LEAST_SECONDS:.0f} s are needed"
         )
     steering = np.concatenate([s.steered(0.0) for s in used])
     if np.ptp(steering) < 1e-9:
@@ -110,6 +119,9 @@ def _together(logs: Sequence[Log], wheelbase: float | None) -> DrivingAnswer:
     if level == "none":
         return _nothing(driving, *reasons, fit=fit)
     numbers, unknown = _numbers(fit, driving, speeds, wheelbase)
+    tyres = tyre_stiffnesses(fit, rover, speeds[1]) if rover else ()
+    numbers = ByName((*numbers, *tyres))
+    unknown += () if tyres else (NO_TYRES_KNOWN if rover else NO_TYRES,)
     amplitude = float(np.percentile(np.abs(steering - fit["straight"]), 95))
     better = _after_sweep(fit, driving, speeds, wheelbase) if driving.unit == "us" else ()
     return DrivingAnswer(
@@ -126,9 +138,14 @@ def _nothing(driving: Driving, *reasons: str, fit: DrivingFit | None = None) -> 
 def _judged(fit: DrivingFit) -> tuple[Level, tuple[str, ...]]:
     """The level, and why it is not good."""
     low, high = fit.interval({"gain": 1.0}, fit["gain"])
-    if low <= 0 <= high or (high - low) / 2 > KNOWN * abs(fit["gain"]):
-        return "none", ("the yaw rate does not follow the steering in this driving",)
     share = f"the steering explains {100 * max(fit.explained, 0.0):.0f} % of the yaw rate"
+    if low <= 0 <= high or (high - low) / 2 > KNOWN * abs(fit["gain"]):
+        why = (
+            f"{share}, but this is too little driving"
+            if fit.explained >= ROUGH
+            else ("the yaw rate does not follow the steering in this driving")
+        )
+        return "none", (why,)
     if fit.explained < ROUGH:
         return "none", (
             f"{share} in parts of the drive that were not fitted; {100 * ROUGH:.0f} % are needed",
@@ -154,9 +171,10 @@ def _numbers(
         out.append(Quantity(name, unit, value, max(low, least), max(high, least), meaning))
 
     in_us = driving.unit == "us"
+    at = f", at {v:.1f} m/s" if "understeer" in fit.held else ""
     if in_us:
         turns = "left" if gain > 0 else "right"
-        words = f"curvature of the path for each 100 us; a larger output turns {turns}"
+        words = f"curvature of the path for each 100 us{at}; a larger output turns {turns}"
         add("curvature", "1/m per 100 us", 100 * abs(gain), {"gain": 100.0}, words)
         add(
             "straight", "us", fit["straight"], {"straight": 1.0}, "steering output that drives straight ahead"
@@ -167,7 +185,7 @@ def _numbers(
             "m",
             1 / abs(gain),
             {"gain": 1 / gain**2},
-            "speed times steering angle over yaw rate; the wheelbase where the angle is right",
+            f"speed times steering angle over yaw rate{at}; the wheelbase where the angle is right",
         )
         add(
             "straight", "rad", fit["straight"], {"straight": 1.0}, "steering angle that drives straight ahead"
@@ -181,32 +199,47 @@ def _numbers(
             words = "recorded steering angle over the wheels' angle: 1 where it is the wheels' own"
             add("steering_ratio", "-", ratio, {"gain": ratio / gain}, words)
     if in_us and driving.limits:
-        reach = max(abs(end - fit["straight"]) for end in driving.limits)
-        add(
-            "least_radius",
-            "m",
-            1 / (abs(gain) * reach),
-            {"gain": 1 / (gain**2 * reach)},
-            "radius of the tightest turn that the servo's ends allow",
+        x = np.array(driving.limits) - fit["straight"]
+        share = reached(x, fit.amplitude)
+        bent = 1 + fit["side"] * np.sign(x) + fit["curve"] * share
+        end = int(np.argmax(np.abs(x * bent)))
+        least = float(1 / np.abs(gain * x * bent)[end])
+        slopes = {"gain": least / gain, "side": least / bent[end], "curve": least * share[end] / bent[end]}
+        words = "radius of the tightest turn that the servo's ends allow"
+        add("least_radius", "m", least, slopes, words)
+    low, high = fit.interval({"side": 1.0}, fit["side"])
+    if (low > 0 or high < 0) and abs(fit["side"]) > VISIBLE:
+        for side, sign in (("left", np.sign(gain)), ("right", -np.sign(gain))):
+            there = 1 + sign * fit["side"]
+            slopes = {"gain": there, "side": sign * gain}
+            if in_us:
+                value, scale, name, unit = (
+                    100 * abs(gain) * there,
+                    100.0,
+                    f"curvature_{side}",
+                    "1/m per 100 us",
+                )
+            else:
+                value = 1 / (abs(gain) * there)
+                scale, name, unit = value**2, f"wheelbase_seen_{side}", "m"
+            slopes = {n: scale * slope for n, slope in slopes.items()}
+            add(name, unit, value, slopes, f"the same in turns to the {side}")
+    low, high = fit.interval({"curve": 1.0}, fit["curve"])
+    if (low > 0 or high < 0) and abs(fit["curve"]) > VISIBLE:
+        far = f"{number(fit.amplitude, 3)} {driving.unit}"
+        words = (
+            f"how much more than in proportion the steering turns {far} from straight; below 0: it saturates"
         )
-    lag = {"lag": 1.0, "tyre_lag": v}
+        add("steering_curve", "%", 100 * fit["curve"], {"curve": 100.0}, words)
+    k, tyres = fit["understeer"], tyre_time(fit["tyre_lag"], fit["understeer"], np.array([v]))[0]
+    softer = tyre_time(fit["tyre_lag"], k + 1e-6, np.array([v]))[0]
+    per = v if not fit["tyre_lag"] else tyres / fit["tyre_lag"]
+    lag = {"lag": 1.0, "tyre_lag": per, "understeer": 1e6 * (softer - tyres)}
     add("delay", "s", fit["delay"], {"delay": 1.0}, "pure delay from the output to the turn", 0.0)
-    add(
-        "lag",
-        "s",
-        fit["lag"] + v * fit["tyre_lag"],
-        lag,
-        f"time constant with which the turn follows at {v:.1f} m/s",
-        0.0,
-    )
-    add(
-        "response_time",
-        "s",
-        fit["delay"] + out[-1].value,
-        {"delay": 1.0, **lag},
-        "delay and lag together",
-        0.0,
-    )
+    words = f"time constant with which the turn follows at {v:.1f} m/s"
+    add("lag", "s", fit["lag"] + tyres, lag, words, 0.0)
+    whole = fit["delay"] + out[-1].value
+    add("response_time", "s", whole, {"delay": 1.0, **lag}, "delay and lag together", 0.0)
     late = out[-1]
     if late.low is not None and late.high is not None and late.high - late.low > 2 * KNOWN * late.value:
         del out[-3:]
@@ -256,7 +289,6 @@ def _numbers(
                 f"how much less the rover turns for its steering at {HARD_TURN:g} m/s^2 than in gentle turns",
             )
         )
-    unknown.append("Tyre stiffnesses and yaw inertia, which need sweeps and a vehicle file with the mass")
     return ByName(out), tuple(unknown)
 
 

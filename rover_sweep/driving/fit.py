@@ -1,14 +1,17 @@
 """The yaw rate that any driving gives for its steering, fitted to the recorded one.
 
-    r(t) = b + F{ V g (u(t - tau) - u0) / (1 + k V^2 + q a^2) },   a = V^2 g (u(t - tau) - u0)
+    r(t) = b + F{ V g w / (1 + k V^2 + q a^2) },   a = V^2 g w
+    w = x (1 + h sgn(x) + s (x/X)^2),              x = u(t - tau) - u0
 
 u is the recorded steering output, V the speed, g the curvature that a unit of steering gives at low speed
 (1/m per us, or 1/m per rad = 1/L), u0 the output that drives straight, b the bias of the gyro. k = K_us/L is
 the understeer: 1/sqrt(k) is the characteristic speed, for k < 0 1/sqrt(-k) the critical one (Milliken, Race
-Car Vehicle Dynamics, ch. 5). q is how much less the rover turns where it turns hard, as tyres bend. F is two
-lags in series and the known low-pass of the gyro: T of the steering, and c V of the tyres; for a rover that
-is neutral and has Izz = m a b, the bicycle model's yaw rate follows the steering exactly so, with
-c = m/(Cf + Cr). No mass, length or steering ratio is needed.
+Car Vehicle Dynamics, ch. 5). q is how much less the rover turns where it turns hard, as tyres bend. The
+steering curve: h is how much more it turns to the side of larger outputs, s how much more than in proportion
+at the amplitude X of this driving, as the tangent of the angle does, or less, as a linkage near its end. F is
+two lags in series and the known low-pass of the gyro: T of the steering, and c V/(1 + k V^2) of the tyres;
+the neutral bicycle model's yaw rate follows the steering exactly so, with c = Izz/(a^2 Cf + b^2 Cr). No mass,
+length or steering ratio is needed.
 
 Road and wind make an error that is not white: it is whitened by an autoregression of the residual (Ljung,
 System Identification, 7.3), and the covariance counts blocks of `BLOCK` seconds as the independent pieces
@@ -29,21 +32,29 @@ from scipy.stats import t as student
 from rover_sweep.data.recording import Array, LowPass
 from rover_sweep.driving.stretches import RATE, DrivenPart
 
-BLOCK = 5.0  # s, longer than any turn's memory
+BLOCK, SHORT_BLOCK, BLOCKS = (
+    5.0,
+    2.0,
+    24,
+)  # s, longer than a turn's memory; shorter for fewer than BLOCKS of them
 ORDER = 6  # of the autoregression
 FAST_HZ = 10.0  # of the gyro's low-pass
 SPLIT = 0.18  # sd of the share of the lags that may be a delay instead, or the reverse: they look alike
 OTHER = 0.01  # sd of the share by which the gain changes with the speed for other reasons than understeer
+LINEAR = 0.1  # sd of the understeer, as a share: the lag of a rover that is not neutral is not of first order
+SPEED_ERROR = 0.015  # m/s, by which a recorded speed may be wrong throughout, as an estimator's in slow turns
+TYRES = 0.08  # sd of the lag of the tyres, as a share, since they bend
 WHOLE = 0.02  # sd of delay and lags together, as a share: the law is simpler than a rover
 SETTLED = round(1.0 * RATE)  # samples at the begin of a stretch, in which the lags' unknown start decays
 PIECE = 20.0  # s, of the pieces that are predicted from the others
+FARTHEST = 2.0  # amplitudes, up to which the steering curve bends
 LIMIT = 4.0  # of the whitened error, in its sd; beyond it, a sample counts less (Huber)
 
-NAMES = ("gain", "straight", "bias", "delay", "lag", "tyre_lag", "understeer", "bend")
-LOW = np.array([-np.inf, -np.inf, -np.inf, 0.0, 0.0, 0.0, -np.inf, 0.0])
-HIGH = np.array([np.inf, np.inf, np.inf, 0.6, 0.6, 0.3, 1.0, 0.06])
-USUAL = np.array([0.0, 0.0, 0.0, 0.05, 0.05, 0.04, 0.0, 0.0])
-SPREAD = np.array([np.inf, np.inf, 0.02, 0.2, 0.2, 0.1, 0.1, 0.03])
+NAMES = ("gain", "straight", "bias", "delay", "lag", "tyre_lag", "understeer", "bend", "side", "curve")
+LOW = np.array([-np.inf, -np.inf, -np.inf, 0.0, 0.0, 0.0, -np.inf, 0.0, -0.5, -0.5])
+HIGH = np.array([np.inf, np.inf, np.inf, 0.6, 0.6, 0.3, 1.0, 0.06, 0.5, 0.5])
+USUAL = np.array([0.0, 0.0, 0.0, 0.05, 0.05, 0.04, 0.0, 0.0, 0.0, 0.0])
+SPREAD = np.array([np.inf, np.inf, 0.02, 0.2, 0.2, 0.1, 0.1, 0.03, 0.05, 0.05])
 """Mean and standard deviation of what rovers have: wide, so that only what driving leaves open feels them."""
 STANDSTILL_SD = 0.002  # rad/s, of the bias known from standstill
 OF_SPEED = ("tyre_lag", "understeer")  # only driving at several speeds shows these
@@ -51,19 +62,21 @@ OF_SPEED = ("tyre_lag", "understeer")  # only driving at several speeds shows th
 
 @dataclass(frozen=True, eq=False)
 class DrivingFit:
-    """values (8,) and their covariance (8, 8) in the order of NAMES, zero in what was held.
+    """values (10,) and their covariance (10, 10) in the order of NAMES, zero in what was held.
 
-    structure (8, 8): the covariance of what the law leaves out, which more driving does not lessen.
+    structure (10, 10): the covariance of what the law leaves out, which more driving does not lessen.
 
     gain g [1/m per unit of steering], straight u0 [unit of steering], bias b [rad/s], delay tau [s], lag T
-    [s], tyre_lag c [s^2/m], understeer k [s^2/m^2], bend q [s^4/m^2]. held: names that this driving cannot
-    show. explained: share of the yaw rate's variance that the model gives in pieces it was not fitted to.
+    [s], tyre_lag c [s^2/m], understeer k [s^2/m^2], bend q [s^4/m^2], side h and curve s [-]. amplitude: X
+    [unit of steering]. held: names that this driving cannot show. explained: share of the yaw rate's
+    variance that the model gives in pieces it was not fitted to.
     dof: independent blocks beyond the parameters.
     """
 
     values: Array
     covariance: Array
     structure: Array
+    amplitude: float
     held: tuple[str, ...]
     explained: float
     dof: int
@@ -88,8 +101,9 @@ def fit_driving(
     problem = _Problem(stretches, bias, held)
     theta = problem.solved()
     covariance, dof = problem.covariance(theta)
-    structure = _structure(theta, problem.stretches)
-    return DrivingFit(theta, covariance, structure, tuple(held), _explained(stretches, bias, held), dof)
+    structure = _structure(theta, problem.stretches) + problem.of_speed_error(theta)
+    explained = _explained(stretches, bias, held)
+    return DrivingFit(theta, covariance, structure, problem.amplitude, tuple(held), explained, dof)
 
 
 def precision_with(
@@ -108,7 +122,7 @@ def precision_with(
 
 def fitted_yaw_rate(fit: DrivingFit, s: DrivenPart) -> Array:
     """The fit's yaw rate (n,) rad/s."""
-    return _yaw_rate(s, fit.values)
+    return _yaw_rate(s, fit.values, fit.amplitude)
 
 
 class _Problem:
@@ -121,6 +135,7 @@ class _Problem:
         self.free = np.array([name not in held for name in NAMES])
         steering = np.concatenate([s.steered(0.0) for s in self.stretches])
         self.unit = max(float(np.std(steering)), 1e-9)
+        self.amplitude = max(float(np.percentile(np.abs(steering - np.median(steering)), 95)), self.unit)
         self.usual, self.spread = USUAL.copy(), SPREAD.copy()
         self.usual[1], self.spread[1] = float(np.median(steering)), 10 * self.unit
         if bias is not None:
@@ -129,10 +144,12 @@ class _Problem:
         self.low = LOW.copy()
         self.low[6] = -0.8 / fastest**2
         self.white, self.sd = np.array([1.0]), 1.0
-        self.scale = np.array([1 / self.unit, self.unit, 0.01, 0.03, 0.03, 0.03, 0.3 / fastest**2, 0.01])
+        self.scale = np.array(
+            [1 / self.unit, self.unit, 0.01, 0.03, 0.03, 0.03, 0.3 / fastest**2, 0.01, 0.05, 0.05]
+        )
 
     def solved(self) -> Array:
-        """The parameters (8,) of the least squares, whitened three times; the best of several starts."""
+        """The parameters (10,) of the least squares, whitened three times; the best of several starts."""
         starts = [self._start(delay, lag) for delay in (0.0, 0.1, 0.25) for lag in (0.05, 0.2)]
         starts = sorted(starts, key=lambda theta: float(np.sum(np.square(self._errors(theta)))))
         theta = min((self._search(start) for start in starts[:2]), key=lambda found: found[1])[0]
@@ -144,9 +161,9 @@ class _Problem:
     def _start(self, delay: float, lag: float) -> Array:
         """With the gain of a regression at this delay and lag."""
         theta = np.where(self.free, self.usual, 0.0)
-        theta[[0, 3, 4, 7]] = 1 / self.unit, delay, lag, 0.0
+        theta[[0, 3, 4]] = 1 / self.unit, delay, lag
         theta[1] = self.usual[1]
-        x = np.concatenate([_yaw_rate(s, theta)[SETTLED:] for s in self.stretches])
+        x = np.concatenate([_yaw_rate(s, theta, self.amplitude)[SETTLED:] for s in self.stretches])
         y = np.concatenate([s.r[SETTLED:] for s in self.stretches])
         theta[0] *= float(x @ y / max(x @ x, 1e-12))
         return theta
@@ -169,8 +186,8 @@ class _Problem:
         return theta, float(found.cost)
 
     def _errors(self, theta: Array) -> Array:
-        """Whitened errors of all stretches in their sd (n,), and those of the priors (8,)."""
-        parts = [self._whitened(s.r - _yaw_rate(s, theta)) / self.sd for s in self.stretches]
+        """Whitened errors of all stretches in their sd (n,), and those of the priors (10,)."""
+        parts = [self._whitened(s.r - _yaw_rate(s, theta, self.amplitude)) / self.sd for s in self.stretches]
         return np.concatenate((*parts, (theta - self.usual) / self.spread))
 
     def _whitened(self, error: Array) -> Array:
@@ -178,7 +195,7 @@ class _Problem:
 
     def whiten(self, theta: Array) -> None:
         """The autoregression of the residuals, by least squares over all stretches."""
-        residuals = [(s.r - _yaw_rate(s, theta))[SETTLED:] for s in self.stretches]
+        residuals = [(s.r - _yaw_rate(s, theta, self.amplitude))[SETTLED:] for s in self.stretches]
         lags = range(1, ORDER + 1)
         x = np.concatenate([np.stack([e[ORDER - k : e.size - k] for k in lags], 1) for e in residuals])
         y = np.concatenate([e[ORDER:] for e in residuals])
@@ -187,7 +204,7 @@ class _Problem:
         self.sd = max(float(np.std(y - x @ found)), 1e-9)
 
     def covariance(self, theta: Array) -> tuple[Array, int]:
-        """Covariance (8, 8) by blocks, not below what independent errors leave; spare blocks."""
+        """Covariance (10, 10) by blocks, not below what independent errors leave; spare blocks."""
         errors = self._errors(theta)
         weight = np.minimum(1.0, LIMIT / np.maximum(np.abs(errors), 1e-12))
         j = self.slopes(theta) * np.sqrt(weight)[:, None]
@@ -213,24 +230,41 @@ class _Problem:
             columns.append((self._errors(ahead) - self._errors(behind)) / (ahead[i] - behind[i]))
         return np.stack(columns, 1)
 
+    def of_speed_error(self, theta: Array) -> Array:
+        """Covariance (10, 10) of what `SPEED_ERROR` does to the parameters, by one step of the search."""
+        exact, right = self._errors(theta), self.stretches
+        self.stretches = tuple(replace(s, v=s.v + SPEED_ERROR * np.sign(s.v)) for s in right)
+        moved = self._errors(theta)
+        self.stretches = right
+        step: Array = np.zeros(len(NAMES))
+        step[self.free] = np.linalg.lstsq(self.slopes(theta), exact - moved, rcond=None)[0]
+        return np.outer(step, step)
+
     def _owners(self) -> np.ndarray:
         """The block (n,) of each error of the stretches."""
         found, first = [], 0
+        seconds = sum(s.t.size - SETTLED for s in self.stretches) / RATE
+        block = round(min(BLOCK, max(SHORT_BLOCK, seconds / BLOCKS)) * RATE)
         for s in self.stretches:
-            k = np.arange(s.t.size - SETTLED) // round(BLOCK * RATE)
+            k = np.arange(s.t.size - SETTLED) // block
             found.append(first + k)
             first += int(k[-1]) + 1
         return np.concatenate(found)
 
 
 def _structure(theta: Array, stretches: Sequence[DrivenPart]) -> Array:
-    """What `SPLIT`, `WHOLE` and `OTHER` add to the covariance (8, 8) of delay, lag and understeer."""
+    """Covariance (10, 10) of what the law leaves out: `SPLIT`, `WHOLE`, `TYRES`, `OTHER` and `LINEAR`."""
     speeds = np.concatenate([np.abs(s.v) for s in stretches])
     lags = theta[4] + theta[5] * float(np.mean(speeds))
     found = np.zeros((len(NAMES), len(NAMES)))
     found[np.ix_((3, 4), (3, 4))] = (SPLIT * lags) ** 2 * np.array([[1.0, -1.0], [-1.0, 1.0]])
     found[4, 4] += (WHOLE * (theta[3] + lags)) ** 2
-    found[6, 6] = (OTHER / float(np.percentile(speeds, 95)) ** 2) ** 2
+    found[5, 5] = (TYRES * theta[5]) ** 2
+    # what the understeer gains, the gain at low speed gains too: that of the usual speed stays
+    moved: Array = np.zeros(len(NAMES))
+    moved[6] = np.hypot(OTHER / float(np.percentile(speeds, 95)) ** 2, LINEAR * theta[6])
+    moved[0] = theta[0] * moved[6] * float(np.median(np.square(speeds)))
+    found += np.outer(moved, moved)
     return found
 
 
@@ -240,9 +274,10 @@ def _explained(stretches: Sequence[DrivenPart], bias: float | None, held: Sequen
     halves = [[part for k, part in pieces if k % 2 == half] for half in (0, 1)]
     error = total = 0.0
     for fitted, other in (halves, reversed(halves)):
-        theta = _Problem(fitted, bias, held).solved()
+        problem = _Problem(fitted, bias, held)
+        theta = problem.solved()
         for s in other:
-            error += float(np.sum(np.square(s.r - _yaw_rate(s, theta))[SETTLED:]))
+            error += float(np.sum(np.square(s.r - _yaw_rate(s, theta, problem.amplitude))[SETTLED:]))
             total += float(np.sum(np.square(s.r - theta[2])[SETTLED:]))
     return 1.0 - error / total if total else 0.0
 
@@ -252,13 +287,25 @@ def _pieces(s: DrivenPart) -> list[DrivenPart]:
     return [replace(s, t=s.t[k], v=s.v[k], r=s.r[k]) for k in np.array_split(np.arange(s.t.size), count)]
 
 
-def _yaw_rate(s: DrivenPart, theta: Array) -> Array:
+def _yaw_rate(s: DrivenPart, theta: Array, amplitude: float) -> Array:
     """The yaw rate (n,) rad/s of the module's text, starting at rest in the first sample."""
-    gain, straight, bias, delay, lag, tyre_lag, understeer, bend = theta
+    gain, straight, bias, delay, lag, tyre_lag, understeer, bend, side, curve = theta
     square = np.square(s.v)
-    asked = gain * (s.steered(delay + _constant_delay(s.low_pass)) - straight)
+    x = s.steered(delay + _constant_delay(s.low_pass)) - straight
+    asked = gain * x * (1 + side * np.sign(x) + curve * reached(x, amplitude))
     steady = s.v * asked / (1 + understeer * square + bend * np.square(square * asked))
-    return bias + _low_passed(_lagged(steady, lag, tyre_lag * np.abs(s.v), 1 / RATE), s.low_pass)
+    slow = tyre_time(tyre_lag, understeer, s.v)
+    return bias + _low_passed(_lagged(steady, lag, slow, 1 / RATE), s.low_pass)
+
+
+def reached(x: Array, amplitude: float) -> Array:
+    """(x/X)^2 (n,) of the steering curve, constant beyond `FARTHEST`."""
+    return np.asarray(np.square(np.minimum(np.abs(x) / amplitude, FARTHEST)))
+
+
+def tyre_time(tyre_lag: float, understeer: float, v: Array) -> Array:
+    """Time constant (n,) s of the yaw rate at the speeds v (n,) m/s."""
+    return np.asarray(tyre_lag * np.abs(v) / (1 + understeer * np.square(v)))
 
 
 @njit(cache=True)
@@ -267,14 +314,21 @@ def _lagged(x, lag, tyre_lag, step):  # type: ignore[no-untyped-def]
     y = np.empty_like(x)
     first = second = before = x[0]
     for i in range(x.size):
-        middle = 0.5 * (before + x[i])
-        before = x[i]
         then = first
-        first = middle + (first - middle) * np.exp(-step / lag) if lag > 1e-4 else x[i]
-        held = 0.5 * (then + first)
-        second = held + (second - held) * np.exp(-step / tyre_lag[i]) if tyre_lag[i] > 1e-4 else first
+        first = _step(first, before, x[i], lag, step)
+        second = _step(second, then, first, tyre_lag[i], step)
+        before = x[i]
         y[i] = second
     return y
+
+
+@njit(cache=True)
+def _step(y, before, now, lag, step):  # type: ignore[no-untyped-def]
+    """A first-order lag behind an input that goes evenly from `before` to `now` within a step."""
+    if lag < 1e-4:
+        return now
+    behind = (now - before) * lag / step
+    return now - behind + (y - before + behind) * np.exp(-step / lag)
 
 
 def _constant_delay(low_pass: LowPass | None) -> float:

@@ -19,6 +19,7 @@ SLOWEST = 0.3  # m/s; below it, the noise of the speed is a large share of the s
 SHORTEST = 4.0  # s of driving without an interruption
 HOLE = 0.5  # s between samples of one channel; the driving is cut there
 FASTEST_TURN = 6.0  # m/s^2 of V r: beyond it, tyres slide; up to it, the bend of the law follows them
+LONGEST_SAME = 1.0  # s, of one value of a yaw rate that works
 STAIRCASE_HZ = 30.0  # a slower record of the steering is samples of something finer and is interpolated
 
 
@@ -101,7 +102,8 @@ def _of_log(log: Log) -> tuple[list[DrivenPart], dict[str, float], Array]:
     for signal in (steering, speed, yaw):
         whole &= ~_in_holes(signal, t)
     still, sliding = np.abs(v) < SLOWEST, np.abs(v * r) > FASTEST_TURN
-    usable = whole & ~still & ~_near(sliding, 0.5)
+    dead = _dead(yaw, t, steering.on(t))
+    usable = whole & ~still & ~_near(sliding, 0.5) & ~dead
     parts = [(a, b) for a, b in stretches(usable) if (b - a) / RATE >= SHORTEST]
     used = np.zeros(t.size, bool)
     for a, b in parts:
@@ -110,6 +112,7 @@ def _of_log(log: Log) -> tuple[list[DrivenPart], dict[str, float], Array]:
         f"slower than {SLOWEST:g} m/s": still & whole,
         "holes in the record": ~whole,
         f"turns beyond {FASTEST_TURN:g} m/s²": sliding & whole & ~still,
+        "the yaw rate stayed at one value": dead & whole & ~still,
     }
     reasons[f"pieces shorter than {SHORTEST:g} s"] = ~used & ~np.any(list(reasons.values()), axis=0)
     low_pass = log.filters.get("r")
@@ -135,6 +138,17 @@ def _in_holes(signal: Signal, t: Array) -> Bool:
     """Times (n,) between two samples of the signal that are further apart than `HOLE`."""
     k = np.clip(np.searchsorted(signal.t, t, "right"), 1, signal.t.size - 1)
     return signal.t[k] - signal.t[k - 1] > HOLE
+
+
+def _dead(yaw: Signal, t: Array, steering: Array) -> Bool:
+    """Times (n,) in which the yaw rate has one value for `LONGEST_SAME` or more though the steering moves."""
+    found: Bool = np.zeros(t.size, bool)
+    moves = 0.5 * float(np.std(steering))
+    for a, b in stretches(np.diff(yaw.x) == 0):
+        inside = (t >= yaw.t[a]) & (t <= yaw.t[b + 1])
+        if yaw.t[b + 1] - yaw.t[a] >= LONGEST_SAME and inside.any() and np.ptp(steering[inside]) > moves:
+            found |= inside
+    return found
 
 
 def _near(mask: Bool, seconds: float) -> Bool:

@@ -1,9 +1,10 @@
 """`python -m tests.benchmarks.any_driving`: a simulated rover's true numbers against those of any driving.
 
 Ten minutes of drawn hand driving and of a drawn AUTO mission for each seed, with the noise of the seed,
-through `rs.identify_driving`: errors of the curvature and of the response time, and whether the interval of
-K_us holds the truth. The rovers: the nominal one, and drawn ones with other tyres, inertia, springs and
-servo, of which every second one has 0.7 of the front or of the rear cornering stiffness.
+through `rs.identify_driving` with the rover's vehicle file: errors of the curvature, the response time and
+the tyres, and whether the interval of K_us holds the truth. The rovers: the nominal one, and drawn ones with
+other tyres, inertia, springs and servo, of which every second one has 0.7 of the front or of the rear
+cornering stiffness.
 
 --keep: folder for the logs; those that are there are read again.
 """
@@ -20,6 +21,7 @@ import numpy as np
 
 import rover_sweep as rs
 from sitl.plant.variant import PlantParameters, load_variant
+from tests.benchmarks.interval_coverage import exact_file
 from tests.comparison.pairs import varied
 from tests.driving.any_drives import hand_driving, mission, recorded, true_steering
 
@@ -31,7 +33,10 @@ WEAKER = 0.7
 class Checked:
     """One drive: error of the curvature [share] and of the response time [s], both None where unknown.
 
-    understeer: K_us (true, low, high) [deg/g], None where unknown. seconds: that were used.
+    The curvature is that at low speed, or that at the speed of the drive where K_us is unknown.
+
+    understeer: K_us (true, low, high) [deg/g]. tyres: larger error of Cf and Cr [share]. None where unknown.
+    seconds: that were used.
     """
 
     title: str
@@ -39,6 +44,7 @@ class Checked:
     curvature: float | None
     late: float | None
     understeer: tuple[float, float, float] | None
+    tyres: float | None
     seconds: float
 
     def __str__(self) -> str:
@@ -51,6 +57,8 @@ class Checked:
             true, low, high = self.understeer
             inside = "inside" if low <= true <= high else "OUTSIDE"
             words.append(f"K_us {true:.2f} {inside} {low:.2f} to {high:.2f} deg/g")
+        if self.tyres is not None:
+            words.append(f"tyres within {100 * self.tyres:.0f} %")
         return ", ".join(words)
 
 
@@ -81,16 +89,25 @@ def drives(names: list[str], seeds: range, seconds: float, folder: Path) -> Iter
 
 def checked(title: str, rover: PlantParameters, path: Path) -> Checked:
     """What the log of the drive says, against the rover."""
-    wheelbase = rover.cg_to_front_axle + rover.cg_to_rear_axle
-    answer = rs.identify_driving(path, wheelbase=wheelbase)
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "rover.toml"
+        file.write_text(exact_file(rover), encoding="utf-8")
+        answer = rs.identify_driving(path, vehicle=file)
     found, true = dict(answer.numbers.items()), true_steering(rover, answer.speeds[1] or 1.0)
     gain, late, k = (found.get(name) for name in ("curvature", "response_time", "understeer_gradient"))
+    curvature = true.curvature if k else true.at_speed
+    axles = [
+        abs(found[f"{axle}_stiffness"].value / getattr(rover, f"{axle}_cornering_stiffness") - 1)
+        for axle in ("front", "rear")
+        if f"{axle}_stiffness" in found
+    ]
     return Checked(
         title,
         answer.level,
-        gain.value / true.curvature - 1 if gain else None,
+        gain.value / curvature - 1 if gain else None,
         late.value - true.response_time if late else None,
         (true.understeer_gradient, *k.interval_90) if k and k.interval_90 else None,
+        max(axles, default=None),
         answer.driving.seconds,
     )
 
@@ -113,6 +130,8 @@ def main() -> None:
     k = [low <= true <= high for true, low, high in (r.understeer for r in rows if r.understeer)]
     print(f"curvature: {len(gains)} of {len(rows)}, within {100 * max(gains, default=0):.1f} %")
     print(f"response time: {len(late)} of {len(rows)}, within {1000 * max(late, default=0):.0f} ms")
+    tyres = [r.tyres for r in rows if r.tyres is not None]
+    print(f"tyres: {len(tyres)} of {len(rows)}, within {100 * max(tyres, default=0):.0f} %")
     print(f"K_us: the interval holds the truth in {sum(k)} of {len(k)}")
 
 

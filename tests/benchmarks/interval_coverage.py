@@ -67,12 +67,12 @@ def identified(rover: PlantParameters, seed: int, folder: Path, measured: bool =
     runs = drive(rover, SWEEPS, folder / "runs", 10_000 + 100 * seed)
     file = folder / "rover.toml"
     file.write_text(
-        vehicle_file(rover, np.random.default_rng(seed)) if measured else _exact_file(rover), encoding="utf-8"
+        vehicle_file(rover, np.random.default_rng(seed)) if measured else exact_file(rover), encoding="utf-8"
     )
     return rs.identify(rs.read(*map(str, runs), vehicle=file), bootstrap=REPLICATES)
 
 
-def _exact_file(rover: PlantParameters) -> str:
+def exact_file(rover: PlantParameters) -> str:
     """The vehicle file of an owner who measured without error."""
     keys = [
         "mass",

@@ -68,9 +68,11 @@ def recorded(steering: Array, speed: Array, rover: PlantParameters, out: Path, s
 
 @dataclass(frozen=True)
 class TrueSteering:
-    """Of the linear bicycle at zero slip: curvature [1/m per 100 us], K_us [deg/g], response time [s]."""
+    """Of the linear bicycle at zero slip: curvature at low speed and at the speed [1/m per 100 us], K_us
+    [deg/g], response time [s]."""
 
     curvature: float
+    at_speed: float
     understeer_gradient: float
     response_time: float
 
@@ -86,8 +88,10 @@ def true_steering(rover: PlantParameters, speed: float) -> TrueSteering:
     d1 = m * (a**2 * front + b**2 * rear) + rover.yaw_inertia * (front + rear)
     d0 = both * wheelbase / speed - m * speed * (a * front - b * rear)
     late = d1 / d0 - a * front * m * speed / both
+    curvature, gradient = 100 * rover.rad_per_us / wheelbase, m / wheelbase * (b / front - a / rear)
     return TrueSteering(
-        100 * rover.rad_per_us / wheelbase,
-        degrees(m / wheelbase * (b / front - a / rear)) * GRAVITY,
+        curvature,
+        curvature / (1 + gradient * speed**2 / wheelbase),
+        degrees(gradient) * GRAVITY,
         rover.servo_delay + rover.servo_lag + late,
     )

@@ -136,11 +136,11 @@ def identify(
     try:
         given = load_steered(runs, vehicle, reading, verify)
     except DataRefused as refused:
-        if not show_instead(runs, reading, vehicle.wheelbase, Path(out), as_json, str(refused)):
+        if not show_instead(runs, reading, path, Path(out), as_json, str(refused)):
             raise
         return
     if all(run.kind == "other" and "pwm" in run and run.firmware for run in given) and show_instead(
-        runs, reading, vehicle.wheelbase, Path(out), as_json, "there is no sweep in this driving"
+        runs, reading, path, Path(out), as_json, "there is no sweep in this driving"
     ):
         return
     verified = load_steered(verify, vehicle, reading, runs) if verify else ()

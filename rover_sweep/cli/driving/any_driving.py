@@ -11,7 +11,9 @@ if TYPE_CHECKING:
     from rover_sweep.api.read import Reading
 
 
-def driving_of(runs: Sequence[str], reading: Reading, wheelbase: float | None) -> DrivingIdentification:
+def driving_of(
+    runs: Sequence[str], reading: Reading, wheelbase: float | None, vehicle: Path | None = None
+) -> DrivingIdentification:
     """What the runs show as any driving; DataRefused where they lack what is needed."""
     from rover_sweep.api.driving import identify_driving
     from rover_sweep.cli.views.asking import long_work
@@ -20,17 +22,19 @@ def driving_of(runs: Sequence[str], reading: Reading, wheelbase: float | None) -
     if reading.servo:
         raise UsageError("--servo-telemetry needs a vehicle file and sweeps; omit it, or give --vehicle")
     with long_work("reading the driving"):
-        return identify_driving(*runs, columns=reading.columns, wheelbase=wheelbase, system=reading.system)
+        return identify_driving(
+            *runs, columns=reading.columns, wheelbase=wheelbase, vehicle=vehicle, system=reading.system
+        )
 
 
 def show_instead(
-    runs: Sequence[str], reading: Reading, wheelbase: float, out: Path, as_json: bool, why: str
+    runs: Sequence[str], reading: Reading, vehicle: Path, out: Path, as_json: bool, why: str
 ) -> bool:
     """Show what the driving says where it says anything; False without. why: no models can be identified."""
-    answer = driving_of(runs, reading, wheelbase)
+    answer = driving_of(runs, reading, None, vehicle)
     says = answer.level != "none" or bool(answer.each)
     if says:
-        known = f"This is what the driving shows, with the wheelbase of the vehicle file ({wheelbase:g} m)."
+        known = "This is what the driving shows, with the numbers of the vehicle file."
         show_driving(answer, out, as_json, f"No models: {why}. {known}")
     return says
 
