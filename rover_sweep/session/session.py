@@ -31,7 +31,7 @@ from rover_sweep.vehicle.events import (
 from rover_sweep.vehicle.identity import check_applet, estimator_ready, identify_vehicle, untested
 from rover_sweep.vehicle.link.connection import Access
 from rover_sweep.vehicle.link.link import Link
-from rover_sweep.vehicle.link.streams import IDENTIFICATION_RATES, request_all, stop
+from rover_sweep.vehicle.link.streams import IDENTIFICATION_RATES, Stream, request_all, stop
 from rover_sweep.vehicle.link.transport import Line
 from rover_sweep.vehicle.logs import LogEntry, LogSaved, MavlinkLogs
 from rover_sweep.vehicle.parameters import LAPSE, SHORT, read_parameter, read_present
@@ -269,13 +269,13 @@ def _drive(
         logs = MavlinkLogs(link)
         if plan.logs:
             session.logs_before(listed(logs.logs()))
-        granted = yield from start_streams(link)
+        streams = yield from start_streams(link)
         yield from await_estimator(link)
         finished: list[RunFinished] = []
         for planned in session.to_drive:
-            if finished and (slowed := _slowed(finished[-1], granted)):
+            if finished and (slowed := _slowed(finished[-1], streams)):
                 yield Notice("warning", f"{slowed}; the streams are requested again")
-                granted = yield from start_streams(link)
+                request_all(link, read_parameter(link, "SCHED_LOOP_RATE"))
             if not (yield from _run(link, planned, session, plan.settings, finished)):
                 break
         stop(link, IDENTIFICATION_RATES)
@@ -367,24 +367,26 @@ def _disarmed(link: Link, patience: float) -> Generator[Event, None, bool]:
     return not link.armed
 
 
-def start_streams(link: Link) -> Generator[Event, None, dict[str, float]]:
-    """Request the streams for identification, and report the granted rates. Returns them by message [Hz]."""
+def start_streams(link: Link) -> Generator[Event, None, tuple[Stream, ...]]:
+    """Request the streams for identification, and report the granted rates; returns them."""
     streams = request_all(link, read_parameter(link, "SCHED_LOOP_RATE"))
     yield StreamsSet(streams)
     for stream in streams:
         if stream.advice:
             yield Notice("warning", stream.advice)
-    return {stream.message: stream.hz for stream in streams}
+    return streams
 
 
-def _slowed(run: RunFinished, granted: Mapping[str, float]) -> str:
+def _slowed(run: RunFinished, streams: Sequence[Stream]) -> str:
     """A sentence if messages came much more rarely than granted, as when another station set their rates."""
+    granted = {stream.message: stream.hz for stream in streams}
     rates = [
         f"{q.message} came at {q.mean_hz:.0f} instead of {granted[q.message]:.0f} Hz"
         for q in run.quality
         if q.count > 2 and q.mean_hz < _SLOWED * granted.get(q.message, 0.0)
     ]
-    return f"in {run.name} {', '.join(rates)}" if rates else ""
+    asks = "does another ground station set the rates of this port?"
+    return f"in {run.name} {', '.join(rates)}: {asks}" if rates else ""
 
 
 def await_estimator(link: Link, patience: float = 90.0) -> Iterator[Event]:

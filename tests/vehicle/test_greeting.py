@@ -49,6 +49,14 @@ def test_nobody_is_answered_before_it_is_settled_who_is_meant() -> None:
     assert not greeting.takes(heartbeat(7), STRANGER, 0.2)
 
 
+def test_what_came_from_the_vehicle_before_its_heartbeat_is_no_stranger() -> None:
+    greeting = Greeting()
+    assert not greeting.takes(b"a router in the middle of a message", ROVER, 0.0)
+    assert greeting.takes(heartbeat(1), ROVER, 0.1)
+    greeting.settle(1)
+    assert greeting.peer == ROVER and greeting.remark() == ""
+
+
 def test_settled_first_another_vehicle_is_not_heard() -> None:
     greeting = Greeting()
     greeting.settle(1)

@@ -63,8 +63,8 @@ class Greeting:
 
     def remark(self) -> str:
         """A sentence, once, if another address sends to this port; else ''."""
-        if self._remarked or self._stranger is None or self.peer is None:
-            return ""
+        if self._remarked or self.peer is None or self._stranger in (None, self.peer):
+            return ""  # what came before the vehicle's first heartbeat may be its own
         self._remarked = True
         return (
             f"datagrams from {_words(self._stranger)} are ignored, because the vehicle is at "
