@@ -114,7 +114,7 @@ def _together(logs: Sequence[Log], wheelbase: float | None, rover: Geometry | No
     turning = np.square(steering - np.median(steering))
     speeds = _weighted(np.abs(v), turning)
     held = () if speeds[2] > SPEEDS_APART * speeds[0] else OF_SPEED
-    fit = fit_driving(used, driving.bias, held)
+    fit = fit_driving(used, driving.known, held)
     level, reasons = _judged(fit)
     if level == "none":
         return _nothing(driving, *reasons, fit=fit)
@@ -326,6 +326,6 @@ def _after_sweep(
     of_sweep = DrivenPart(
         "sweep", t, np.full(t.size, speed), np.zeros(t.size), steering, driving.stretches[0].low_pass
     )
-    better = precision_with(fit, driving.stretches, driving.bias, of_sweep)
+    better = precision_with(fit, driving.stretches, driving.known, of_sweep)
     numbers, _ = _numbers(better, driving, speeds, wheelbase)
     return tuple((q.name, (q.high - q.low) / 2) for q in numbers if q.low is not None and q.high is not None)

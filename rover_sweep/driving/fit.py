@@ -20,7 +20,7 @@ System Identification, 7.3), and the covariance counts blocks of `BLOCK` seconds
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -56,7 +56,8 @@ HIGH = np.array([np.inf, np.inf, np.inf, 0.6, 0.6, 0.3, 1.0, 0.06, 0.5, 0.5])
 USUAL = np.array([0.0, 0.0, 0.0, 0.05, 0.05, 0.04, 0.0, 0.0, 0.0, 0.0])
 SPREAD = np.array([np.inf, np.inf, 0.02, 0.2, 0.2, 0.1, 0.1, 0.03, 0.05, 0.05])
 """Mean and standard deviation of what rovers have: wide, so that only what driving leaves open feels them."""
-STANDSTILL_SD = 0.002  # rad/s, of the bias known from standstill
+Known = Mapping[str, tuple[float, float]]
+"""{name: (value, standard deviation)} of what is known before."""
 OF_SPEED = ("tyre_lag", "understeer")  # only driving at several speeds shows these
 
 
@@ -91,26 +92,24 @@ class DrivingFit:
         return value - half, value + half
 
 
-def fit_driving(
-    stretches: Sequence[DrivenPart], bias: float | None, held: Sequence[str] = OF_SPEED
-) -> DrivingFit:
-    """Fits all stretches together. bias: of the yaw rate, from standstill [rad/s]. held: names kept at 0.
+def fit_driving(stretches: Sequence[DrivenPart], known: Known, held: Sequence[str] = OF_SPEED) -> DrivingFit:
+    """Fits all stretches together. known: what is known of some before. held: names kept at 0.
 
     ValueError where no stretch is longer than `SETTLED` samples.
     """
-    problem = _Problem(stretches, bias, held)
+    problem = _Problem(stretches, known, held)
     theta = problem.solved()
     covariance, dof = problem.covariance(theta)
     structure = _structure(theta, problem.stretches) + problem.of_speed_error(theta)
-    explained = _explained(stretches, bias, held)
+    explained = _explained(stretches, known, held)
     return DrivingFit(theta, covariance, structure, problem.amplitude, tuple(held), explained, dof)
 
 
 def precision_with(
-    fit: DrivingFit, stretches: Sequence[DrivenPart], bias: float | None, more: DrivenPart
+    fit: DrivingFit, stretches: Sequence[DrivenPart], known: Known, more: DrivenPart
 ) -> DrivingFit:
     """The fit with the covariance that it would have if `more` had been driven too, with like errors."""
-    problem = _Problem(stretches, bias, fit.held)
+    problem = _Problem(stretches, known, fit.held)
     problem.whiten(fit.values)
     problem.stretches, before = (more,), problem.free
     slopes = problem.slopes(fit.values)[: more.t.size - SETTLED]
@@ -128,7 +127,7 @@ def fitted_yaw_rate(fit: DrivingFit, s: DrivenPart) -> Array:
 class _Problem:
     """Residuals of the model, whitened by the inverse noise filter `white` (ORDER + 1,) with sd `sd`."""
 
-    def __init__(self, stretches: Sequence[DrivenPart], bias: float | None, held: Sequence[str]) -> None:
+    def __init__(self, stretches: Sequence[DrivenPart], known: Known, held: Sequence[str]) -> None:
         self.stretches = tuple(s for s in stretches if s.t.size > 2 * SETTLED)
         if not self.stretches:
             raise ValueError("no stretch of driving is long enough")
@@ -138,8 +137,9 @@ class _Problem:
         self.amplitude = max(float(np.percentile(np.abs(steering - np.median(steering)), 95)), self.unit)
         self.usual, self.spread = USUAL.copy(), SPREAD.copy()
         self.usual[1], self.spread[1] = float(np.median(steering)), 10 * self.unit
-        if bias is not None:
-            self.usual[2], self.spread[2] = bias, STANDSTILL_SD
+        for name, (value, sd) in known.items():
+            k = NAMES.index(name)
+            self.usual[k], self.spread[k] = value, sd
         fastest = max(float(np.max(np.abs(s.v))) for s in self.stretches)
         self.low = LOW.copy()
         self.low[6] = -0.8 / fastest**2
@@ -150,9 +150,11 @@ class _Problem:
 
     def solved(self) -> Array:
         """The parameters (10,) of the least squares, whitened three times; the best of several starts."""
-        starts = [self._start(delay, lag) for delay in (0.0, 0.1, 0.25) for lag in (0.05, 0.2)]
-        starts = sorted(starts, key=lambda theta: float(np.sum(np.square(self._errors(theta)))))
-        theta = min((self._search(start) for start in starts[:2]), key=lambda found: found[1])[0]
+        starts = [
+            min((self._start(delay, lag) for lag in (0.05, 0.2)), key=self._cost)
+            for delay in (0.0, 0.1, 0.25)
+        ]  # with a steering that swings, a delay of a period more is a minimum too
+        theta = min((self._search(start) for start in starts), key=lambda found: found[1])[0]
         for _ in range(3):
             self.whiten(theta)
             theta = self._search(theta)[0]
@@ -184,6 +186,9 @@ class _Problem:
         theta = start.copy()
         theta[free] = found.x
         return theta, float(found.cost)
+
+    def _cost(self, theta: Array) -> float:
+        return float(np.sum(np.square(self._errors(theta))))
 
     def _errors(self, theta: Array) -> Array:
         """Whitened errors of all stretches in their sd (n,), and those of the priors (10,)."""
@@ -268,13 +273,13 @@ def _structure(theta: Array, stretches: Sequence[DrivenPart]) -> Array:
     return found
 
 
-def _explained(stretches: Sequence[DrivenPart], bias: float | None, held: Sequence[str]) -> float:
+def _explained(stretches: Sequence[DrivenPart], known: Known, held: Sequence[str]) -> float:
     """Share of the variance explained, each half of the driving predicted by the fit to the other."""
     pieces = [(k + i, part) for i, s in enumerate(stretches) for k, part in enumerate(_pieces(s))]
     halves = [[part for k, part in pieces if k % 2 == half] for half in (0, 1)]
     error = total = 0.0
     for fitted, other in (halves, reversed(halves)):
-        problem = _Problem(fitted, bias, held)
+        problem = _Problem(fitted, known, held)
         theta = problem.solved()
         for s in other:
             error += float(np.sum(np.square(s.r - _yaw_rate(s, theta, problem.amplitude))[SETTLED:]))

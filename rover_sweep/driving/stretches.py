@@ -16,6 +16,7 @@ Bool = NDArray[np.bool_]
 
 RATE = 50.0  # Hz of the grid: ten times the fastest steering that a rover answers
 SLOWEST = 0.3  # m/s; below it, the noise of the speed is a large share of the speed
+STANDSTILL_SD = 0.002  # rad/s, of the bias known from standstill
 SHORTEST = 4.0  # s of driving without an interruption
 HOLE = 0.5  # s between samples of one channel; the driving is cut there
 FASTEST_TURN = 6.0  # m/s^2 of V r: beyond it, tyres slide; up to it, the bend of the law follows them
@@ -61,6 +62,11 @@ class Driving:
     left_out: dict[str, float]
     limits: tuple[float, float] | None
     trim: float | None
+
+    @property
+    def known(self) -> dict[str, tuple[float, float]]:
+        """The gyro's bias with its standard deviation, where the rover stood."""
+        return {} if self.bias is None else {"bias": (self.bias, STANDSTILL_SD)}
 
     @property
     def seconds(self) -> float:

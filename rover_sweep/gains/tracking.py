@@ -8,11 +8,12 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.signal import lfilter, welch
+from scipy.signal import welch
 
 from rover_sweep.data.controller_log import PAUSE, ControllerLog
-from rover_sweep.data.recording import Array, stretches
+from rover_sweep.data.recording import Array, Signal, stretches
+from rover_sweep.driving.fit import OF_SPEED, fit_driving
+from rover_sweep.driving.stretches import RATE, DrivenPart
 from rover_sweep.gains.steering_chain import Autopilot, SampledPlant
 
 MOVING = 0.5  # m/s; a slower rover does not turn
@@ -118,8 +119,9 @@ class Response:
     """Turn rate r = gain V (u + trim), behind a first-order lag and a delay; u: share of the steering's
     travel after the scaling with speed, V: speed [m/s].
 
-    gain [1/m] with its 90 % interval; lag, delay [s]; trim: share of the travel; fit: explained share of the
-    variance of the turn rate; speed [m/s]: mean, negative in reverse.
+    gain [1/m] with its 90 % interval; lag, delay [s]; trim: share of the travel; fit: share of the
+    turn rate's variance that is explained in pieces that were not fitted; speed [m/s]: mean, negative in
+    reverse.
     """
 
     gain: float
@@ -141,83 +143,42 @@ class Response:
         return SampledPlant(a, b, c, round(self.delay / autopilot.period), autopilot.period, self.speed)
 
 
-LAGS = np.geomspace(0.03, 1.2, 16)  # s
-LONGEST_DELAY, DELAY_STEP = 0.6, 0.02  # s
-BLOCK = 4.0  # s, of the bootstrap
-DRAWN = 400
-TRIM = 0.05  # of the travel, prior standard deviation of the trim error
+TRIM = 0.05  # of the travel, standard deviation of the trim's error
+LEFT_OUT = (*OF_SPEED, "side", "curve")
 LEAST_HALF_WIDTH = 0.03  # of the gain: error of the assumed law
 
 
 def response(parts: Sequence[Even], autopilot: Autopilot) -> Response | None:
-    """The response fitted to all stretches; None if the steering hardly moved.
+    """The response fitted to all stretches as to any driving; None if the steering hardly moved.
 
     Backwards the firmware turns the steering to the other side (`AP_MotorsUGV::output_regular`), so the turn
     rate follows the output in both directions.
     """
-    best: tuple[float, float, int] | None = None
-    shifts = np.unique(np.arange(0.0, LONGEST_DELAY, DELAY_STEP) // parts[0].dt).astype(int)
-    for lag in LAGS:
-        filtered = [_filtered(part, autopilot, float(lag)) for part in parts]
-        for shift in shifts:
-            error = _solved(_sums(parts, filtered, float(lag), int(shift)))[1]
-            if best is None or error < best[0]:
-                best = (error, float(lag), int(shift))
-    assert best is not None
-    error, lag, shift = best
-    blocks = _sums(parts, [_filtered(part, autopilot, lag) for part in parts], lag, shift)
-    (gain, offset), _ = _solved(blocks)
-    rng = np.random.default_rng(1)
-    drawn = [_solved(blocks[rng.integers(0, len(blocks), len(blocks))])[0][0] for _ in range(DRAWN)]
-    speed = np.concatenate([part.speed for part in parts])
-    mean = float(np.mean(speed))
-    if not gain > 0 or len(blocks) < 2:
+    driven = [_driven(part, autopilot) for part in parts]
+    if not any(np.ptp(part.steering.x) for part in driven):
         return None
-    low, high = np.percentile(drawn, [5, 95])
+    try:
+        found = fit_driving(driven, {"straight": (0.0, TRIM)}, LEFT_OUT)
+    except ValueError:  # no stretch is long enough
+        return None
+    gain = found["gain"]
+    if not gain > 0:
+        return None
+    low, high = found.interval({"gain": 1.0}, gain)
     half = LEAST_HALF_WIDTH * gain
     ends = float(min(low, gain - half)), float(max(high, gain + half))
-    trim = float(offset / gain)
-    return Response(float(gain), ends, lag, shift * parts[0].dt, trim, 1.0 - error, mean)
+    mean = float(np.mean(np.concatenate([part.speed for part in parts])))
+    return Response(gain, ends, found["lag"], found["delay"], -found["straight"], found.explained, mean)
 
 
-def _filtered(part: Even, autopilot: Autopilot, lag: float) -> tuple[Array, Array]:
-    """(steering times speed, speed) (n,) of a stretch behind a first-order lag [s]."""
+def _driven(part: Even, autopilot: Autopilot) -> DrivenPart:
+    """The stretch with the share of the steering's travel, 1 to the stop, as its steering."""
+    since = np.asarray(np.arange(part.output.size) * part.dt, float)
     scale = np.array([autopilot.speed_scale(v) for v in part.speed])
-    steering = np.clip(part.output * scale, -1.0, 1.0) * np.abs(part.speed)
-    decay = math.exp(-part.dt / lag)
-    lagged = (
-        lfilter([0.0, 1 - decay], [1.0, -decay], x, zi=[decay * x[0]])[0] for x in (steering, part.speed)
-    )
-    return next(lagged), next(lagged)
-
-
-def _sums(
-    parts: Sequence[Even], filtered: Sequence[tuple[Array, Array]], lag: float, shift: int
-) -> NDArray[np.float64]:
-    """Products (n_blocks, 3, 3) of (steering, speed, turn rate), summed over blocks of `BLOCK`."""
-    out = []
-    for part, (x, v) in zip(parts, filtered, strict=True):
-        first = min(shift + round(3 * lag / part.dt), part.actual.size // 2)
-        columns = np.stack((x, v))[:, first - shift : part.actual.size - shift]
-        rows = np.vstack((columns, part.actual[first:]))
-        length = round(BLOCK / part.dt)
-        count = max(rows.shape[1] // length, 1)
-        out += [block @ block.T for block in np.array_split(rows, count, axis=1)]
-    return np.array(out)
-
-
-def _solved(blocks: NDArray[np.float64]) -> tuple[Array, float]:
-    """((gain, gain * trim), residual variance over that of the turn rate)."""
-    total = blocks.sum(axis=0)
-    if not (total[0, 0] > 0 and total[2, 2] > 0):
-        return np.zeros(2), 1.0
-    gain = total[0, 2] / total[0, 0]
-    error = max(total[2, 2] - gain * total[0, 2], 1e-9 * total[2, 2])
-    weight = error / max(1e-12, (TRIM * gain) ** 2 * len(blocks))
-    a = total[:2, :2] + np.diag([0.0, weight])
-    found = np.linalg.solve(a, total[:2, 2])
-    left = total[2, 2] - 2 * found @ total[:2, 2] + found @ total[:2, :2] @ found
-    return found, float(left / total[2, 2])
+    t = np.arange(0.0, since[-1], 1 / RATE)
+    steering = Signal(since, np.clip(part.output * scale, -1.0, 1.0), "of the travel", hold=False)
+    speed = np.interp(t, since, np.abs(part.speed))
+    return DrivenPart("", t, speed, np.interp(t, since, part.actual), steering, None)
 
 
 # A narrow-band oscillation that is in the measurement and not in the target.

@@ -30,7 +30,7 @@ ROOMS: dict[str, set[str]] = {
     "diagnosis": {"data", "identification", "manoeuvre", "quality", "spectra"},
     "investigation": {"diagnosis"},
     "comparison": {"data", "diagnosis", "spectra"},
-    "gains": {"data", "diagnosis", "identification"},
+    "gains": {"data", "diagnosis", "driving", "identification"},
     "season": {"comparison", "data", "diagnosis", "spectra"},
     "report": {
         "comparison",

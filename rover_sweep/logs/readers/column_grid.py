@@ -276,7 +276,8 @@ def relation(y: Array, x: Array, use: NDArray[np.bool_] | None = None) -> tuple[
     k, offset, _ = _line(y, x)
     error = np.abs(y - k * x - offset)
     good = error <= np.percentile(error, 98)
-    return _line(y[good], x[good])[::2]
+    k, _, share = _line(y[good], x[good])
+    return k, share
 
 
 def means(x: Array) -> Array:
