@@ -25,7 +25,7 @@ GOOD, ROUGH = 0.9, 0.7  # shares of the yaw rate that the law must give in drivi
 LEAST_SECONDS = 8.0  # of usable driving
 SPEEDS_APART = 1.3  # ratio of the speeds in turns, from which they show what depends on speed
 HARD_TURN = 3.0  # m/s^2, at which the bend of the tyres is told
-EXTRAPOLATED = 1.5  # a characteristic or critical speed is told up to so many times the fastest turns
+EXTRAPOLATED = 1.5  # what is told of faster or harder turns is at most so far beyond those driven
 KNOWN = 0.5  # of a value; a wider half interval makes it unknown
 VISIBLE = (
     0.03  # of the curvature: smaller differences between the sides, and bends of the curve, are not told
@@ -278,7 +278,8 @@ def _numbers(
             add(name, "m/s", 1 / sqrt(abs(k)), {"understeer": 0.5 * abs(k) ** -1.5}, words, 0.0)
     bend = round(fit["bend"] * HARD_TURN**2, 4)
     low, high = fit.interval({"bend": 100 * HARD_TURN**2}, 100 * bend)
-    if high < 50:
+    hardest = max(float(np.percentile(np.abs(s.v * s.r), 99)) for s in driving.stretches)
+    if high < 50 and hardest > HARD_TURN / EXTRAPOLATED:
         out.append(
             Quantity(
                 "bend",

@@ -58,7 +58,7 @@ SPREAD = np.array([np.inf, np.inf, 0.02, 0.2, 0.2, 0.1, 0.1, 0.03, 0.05, 0.05])
 """Mean and standard deviation of what rovers have: wide, so that only what driving leaves open feels them."""
 Known = Mapping[str, tuple[float, float]]
 """{name: (value, standard deviation)} of what is known before."""
-OF_SPEED = ("tyre_lag", "understeer")  # only driving at several speeds shows these
+OF_SPEED = ("tyre_lag", "understeer", "curve")  # only driving at several speeds shows these
 
 
 @dataclass(frozen=True, eq=False)

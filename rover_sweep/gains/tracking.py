@@ -144,7 +144,7 @@ class Response:
 
 
 TRIM = 0.05  # of the travel, standard deviation of the trim's error
-LEFT_OUT = (*OF_SPEED, "side", "curve")
+LEFT_OUT = (*OF_SPEED, "side")
 LEAST_HALF_WIDTH = 0.03  # of the gain: error of the assumed law
 
 

@@ -292,13 +292,9 @@ def bent(side, curve):
 def test_a_number_for_each_side_where_they_differ(driven):
     plain = driven[1].numbers
     assert not {"curvature_left", "curvature_right", "steering_curve"} & set(plain.keys())
-    answer = answer_from(changed(driven[0], bent(0.1, 0.0)))  # larger outputs turn right
-    found = answer.numbers
-    if answer.speeds[2] < 1.5 * answer.speeds[0]:  # corners of one size may not decide
-        return
+    found = answer_from(changed(driven[0], bent(0.1, 0.0))).numbers  # larger outputs turn right
     for side, share in (("right", 1.1), ("left", 0.9)):
         assert found[f"curvature_{side}"].value == pytest.approx(share * CURVATURE, rel=0.05)
-        assert found[f"curvature_{side}"].low < share * CURVATURE < found[f"curvature_{side}"].high
 
 
 def test_a_steering_that_saturates_is_told(driven):

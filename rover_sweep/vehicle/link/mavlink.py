@@ -94,7 +94,7 @@ GCS_COMPONENT = 190  # MAV_COMP_ID_MISSIONPLANNER, the usual id of a ground stat
 SAFETY_ARMED = 128  # MAV_MODE_FLAG_SAFETY_ARMED of a heartbeat's base_mode
 _LINK_ID = 0  # of our signatures: one link at a time
 _NOT_OPENED = (129, 4)  # Nak of OpenFileRO: there is no such file
-_FTP_NOTHING = (0.2, 0.5)  # s, to ask again and to wait, for a file that is not there
+_FTP_NOTHING = 1.01  # s, for a file that is not there: a little more than the second until mavftp asks again
 _FTP_IDLE = 3.0  # s in which we send nothing that end a download; 29 kB come in 2 s in one burst (4.6.3 SITL)
 _NAMES = {  # the fields that hold a name: of a parameter, of a value
     dialect.MAVLINK_MSG_ID_PARAM_VALUE: "param_id",
@@ -334,7 +334,7 @@ class _FtpMaster:
     def recv_match(self, type: list[str], timeout: float = 0.1, **_: Any) -> Message | None:
         found = self._link.wait_for(tuple(type), timeout)
         if found is not None and (found.payload[3], found.payload[5]) == _NOT_OPENED:
-            self.settings.read_retry_time, self.settings.idle_detection_time = _FTP_NOTHING
+            self.settings.idle_detection_time = _FTP_NOTHING
         return found
 
 
