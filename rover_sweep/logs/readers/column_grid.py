@@ -15,12 +15,13 @@ from scipy.signal import butter, filtfilt
 
 from rover_sweep.logs.log import Array, increasing
 from rover_sweep.logs.readers.column_map import FACTORS
-from rover_sweep.logs.readers.column_names import name_weight, unit_in, words_of
+from rover_sweep.logs.readers.column_names import name_weight, says_anything, unit_in, words_of
 from rover_sweep.logs.readers.made_signals import heading_of, slope
 from rover_sweep.logs.readers.tables import FEWEST_ROWS, RecordedTable, TableStream, seconds_of
 
 GRID_HZ, LONGEST = 20.0, 16_000  # of the common grid on which columns are compared; samples
 SMOOTH_HZ = 2.0
+MOST = 150  # columns of which all are compared; of more, those whose names say something
 EVERY = 5  # samples of the grid between two means
 
 
@@ -51,9 +52,9 @@ def _as_clock(stream: TableStream, name: str) -> tuple[float, ClockGuess] | None
     filled = [c for c in cells if c.strip()] if isinstance(cells, list) else []
     if filled and all(seconds_of(c) is not None for c in (filled[0], filled[len(filled) // 2], filled[-1])):
         t = np.array([np.nan if (s := seconds_of(c)) is None else s for c in cells])
-        if _rises(t):
-            return 2.0 + weight, ClockGuess(t, name, "certain", f"date-times, {_rate(t)}")
-        return None
+        if not _rises(t) or np.mean(np.diff(t[np.isfinite(t)]) > 0) < 0.05:  # of trials, or of whole seconds
+            return None
+        return 2.0 + weight, ClockGuess(t, name, "certain", f"date-times, {_rate(t)}")
     x = _numeric(cells)
     if x is None or not _rises(x):
         return None
@@ -156,7 +157,8 @@ class ColumnGrid:
     """Columns (n,) on an even grid. raw: as recorded; x: smooth; dot: slopes, of angles without their wraps.
 
     period: {column: 2 pi or 360} of columns that jump by it. held: share of repeated samples. made: {title:
-    entry in the map} of what is made of several columns. mean, mean_dot: x and dot as `means`.
+    entry in the map} of what is made of several columns. unchanged: constant columns, which are left out.
+    mean, mean_dot: x and dot as `means`.
     """
 
     raw: dict[str, Array] = field(default_factory=dict)
@@ -167,6 +169,7 @@ class ColumnGrid:
     stream: dict[str, int] = field(default_factory=dict)
     clocks: dict[int, ClockGuess] = field(default_factory=dict)
     made: dict[str, dict[str, list[str]]] = field(default_factory=dict)
+    unchanged: list[str] = field(default_factory=list)
     mean: dict[str, Array] = field(default_factory=dict)
     mean_dot: dict[str, Array] = field(default_factory=dict)
 
@@ -215,20 +218,25 @@ def gridded(table: RecordedTable) -> ColumnGrid:
         longest = max(range(len(table.streams)), key=lambda n: len(table.streams[n]))
         clocks = {longest: c} if (c := _even_samples(table.streams[longest])) else {}
     twice = {name for name in table.header if table.header.count(name) > 1}
-    for number, stream in enumerate(table.streams):
-        if (clock := clocks.get(number)) is None:
-            continue
+    crowded = len(table.header) > MOST
+    for number, clock in clocks.items():
         found.clocks[number] = clock
-        of_clock = _names_in(clock.entry)
+        stream, of_clock = table.streams[number], _names_in(clock.entry)
+        numbers: dict[str, Array] = {}
         for name in stream.names:
-            x = _numeric(stream[name])
-            if name in of_clock or name in twice or x is None or np.isfinite(x).sum() < FEWEST_ROWS:
+            if name in of_clock or name in twice or (crowded and not says_anything(name)):
                 continue
+            x = _numeric(stream[name])
+            if x is None or np.isfinite(x).sum() < FEWEST_ROWS:
+                continue
+            numbers[name] = x
             good = np.isfinite(x) & np.isfinite(clock.time) & (np.abs(x) < 1e12)
             t, (kept,) = increasing(clock.time[good], x[good])
             if t.size >= FEWEST_ROWS and (np.ptp(kept) > 0 or name_weight("speed", name) > 0.5):
                 columns.append((name, t, kept, number))
-        columns += list(_quaternions(stream, clock, number, found))
+            else:
+                found.unchanged.append(name)
+        columns += list(_quaternions(numbers, clock, number, found))
     if not columns:
         return found
     first, last = np.median([t[0] for _, t, _, _ in columns]), np.median([t[-1] for _, t, _, _ in columns])
@@ -245,21 +253,17 @@ def _names_in(entry: Any) -> set[str]:
 
 
 def _quaternions(
-    stream: TableStream, clock: ClockGuess, number: int, found: ColumnGrid
+    numbers: dict[str, Array], clock: ClockGuess, number: int, found: ColumnGrid
 ) -> Iterator[tuple[str, Array, Array, int]]:
     """The heading of any four columns in a row whose squares have the sum 1."""
-    for k in range(len(stream.names) - 3):
-        names = list(stream.names[k : k + 4])
-        parts = [_numeric(stream[name]) for name in names]
-        if any(part is None for part in parts):
-            continue
-        total = sum(np.square(part) for part in parts if part is not None)
-        if abs(float(np.nanmedian(total)) - 1) > 0.01 or float(np.nanstd(total)) > 0.01:
+    for k in range(len(numbers) - 3):
+        names = list(numbers)[k : k + 4]
+        total = sum(np.square(numbers[name]) for name in names)
+        if not np.nanmedian(np.abs(total - 1)) < 0.01 or np.nanstd(total) > 0.05:
             continue
         if words_of(names[0]).split()[-1] in ("w", "0", "qw", "q0"):
             names = [*names[1:], names[0]]
-        x, y, z, w = (np.asarray(_numeric(stream[name])) for name in names)
-        psi = heading_of(x, y, z, w)
+        psi = heading_of(*(numbers[name] for name in names))
         good = np.isfinite(psi) & np.isfinite(clock.time)
         t, (kept,) = increasing(clock.time[good], psi[good])
         if t.size >= FEWEST_ROWS and np.ptp(kept) > 0.1:

@@ -108,6 +108,20 @@ def name_weight(role: str, name: str) -> float:
     return found * (0.5 if role not in ("steering", "time") and is_commanded(name) else 1.0)
 
 
+def says_anything(name: str) -> bool:
+    """True for a name that may be that of a channel, of a position or of a quaternion's part."""
+    roles = (role for role in _PATTERNS if role not in ("other", "time"))
+    last = words_of(without_unit(name)).split()[-1:]
+    return bool({"x", "y", "z", "w", "east", "north", "lon", "lat"} & set(last)) or any(
+        name_weight(role, name) >= 0.3 for role in roles
+    )
+
+
+def is_numbered(name: str) -> bool:
+    """True for a name such as column 3 or states[3], which says nothing but a place."""
+    return re.search(r"(column |\[|_)\d+\]?$", name) is not None
+
+
 def is_commanded(name: str) -> bool:
     """True for a set value, which is not a measurement."""
     return bool(_COMMANDED.search(words_of(name)))

@@ -21,7 +21,7 @@ from rover_sweep.errors import UsageError
 from rover_sweep.logs.log import Array
 from rover_sweep.logs.readers.column_grid import GRID_HZ, ColumnGrid, gridded, relation
 from rover_sweep.logs.readers.column_map import FACTORS
-from rover_sweep.logs.readers.column_names import is_commanded, name_weight, unit_in
+from rover_sweep.logs.readers.column_names import is_commanded, is_numbered, name_weight, unit_in
 from rover_sweep.logs.readers.motion_columns import (
     LINK,
     SPEED_UNITS,
@@ -196,6 +196,7 @@ def _motion_lines(grid: ColumnGrid, motion: MotionColumns, steered: bool) -> Ite
         sign = {"scale": -1} if (k < 0) != motion.turned else {}
         entry = _entry(motion.ay, units["ay"], "m/s^2", sign)
         words = f"V r explains {100 * share:.0f} % of it{', sign changed to that of V r' if sign else ''}"
+        words += "" if name_weight("ay", motion.ay) else ", so the sensor is mounted turned"
         if share > WEAK:
             yield FoundColumn("ay", entry, "certain" if share > LINK else "likely", f"{words}; {units['ay']}")
         else:
@@ -265,26 +266,28 @@ def _steering_lines(grid: ColumnGrid, motion: MotionColumns) -> Iterator[FoundCo
     for name in grid.dot:
         x, weight = grid.x[name], name_weight("steering", name)
         other = max(name_weight(role, name) for role in ("r", "p", "ay", "ax", "vy", "psi", "speed", "other"))
-        if name in taken or name in grid.made or name in grid.period or (other >= NAMED and weight < other):
+        other = max(other, name_weight("time", name))
+        if name in taken or name in grid.made or name in grid.period or (other >= 0.6 and weight < other):
             continue
         k, share = relation(r, x)
         if weight < 0.3 and share > 0.97 and abs(log(abs(k))) < 0.05:  # another yaw rate
             continue
         share, gain, lag = _follows(r, v, x, moving)
         early = 0.3 * (lag < 0) + 0.1 * (lag == 0)
-        tried.append((share + 0.5 * weight - early, name, share, gain, lag, weight))
+        if weight >= NAMED or is_numbered(name) or share > (0.2 if weight else 0.6):
+            tried.append((share + 0.5 * weight - early, name, share, gain, lag, weight))
     tried.sort(key=lambda found: -found[0])
-    if not tried or (tried[0][2] < 0.2 and tried[0][5] < NAMED) or tried[0][2] < 0.02:
-        near = ", ".join(f"{name} ({100 * share:.0f} %)" for _, name, share, *_ in tried[:3])
-        reason = f"not found: steering; no column moves the yaw rate: {near or 'none is left'}"
-        yield FoundColumn("delta", None, "", reason, ('delta = "?"',))
+    if not tried or (tried[0][2] < 0.2 and tried[0][5] < NAMED):
+        still = [n for n in grid.unchanged if name_weight("steering", n) >= NAMED]
+        why = f"{still[0]} does not change" if still else "no column moves the yaw rate"
+        yield FoundColumn("delta", None, "", f"not found: steering; {why}", ('delta = "?"',))
         return
     best = tried[0]
     _, name, share, gain, lag, weight = best
     channel, more, unit_words = _steering_unit(grid, name, gain if motion.speed != UNRECORDED else 0.0)
     reasons = ["its name"] if weight >= 0.3 else []
     reasons.append(f"the yaw rate follows V times it ({100 * share:.0f} %), {lag:.2f} s later")
-    if channel == "delta" and gain < 0:
+    if channel == "delta" and gain < 0 and share > 0.2:
         more = {**more, "scale": -float(more.get("scale", 1.0))}
         reasons.append("sign changed: left is positive")
     reasons.append(unit_words)
@@ -347,12 +350,13 @@ def _other_lines(grid: ColumnGrid, motion: MotionColumns) -> Iterator[FoundColum
     """Roll rate from the gyro of the yaw rate; comments on what the map has no use for."""
     same = [n for n in grid.dot if grid.stream[n] == grid.stream[motion.r] and n != motion.r]
     roll = max(same, key=lambda n: name_weight("p", n), default="")
-    if roll and name_weight("p", roll) >= NAMED and motion.r != motion.heading:
+    turned = motion.ay and not name_weight("ay", motion.ay)
+    if roll and name_weight("p", roll) >= NAMED and motion.r != motion.heading and not turned:
         entry = _entry(roll, motion.units["r"], "rad/s", {})
         yield FoundColumn("p", entry, "likely", "its name; unit as the yaw rate's")
     for role, what in (("ax", "longitudinal acceleration"), ("vy", "lateral speed")):
         named = max(grid.dot, key=lambda n: name_weight(role, n), default="")
-        if named and name_weight(role, named) >= NAMED:
+        if named and name_weight(role, named) >= NAMED and named != motion.ay:
             use = "not used" if role == "ax" else "write vy = ... if it was measured at the centre of gravity"
             yield FoundColumn(role, None, "", f"{what}: {named} ({use})")
 

@@ -14,12 +14,13 @@ from numpy.typing import NDArray
 from rover_sweep.logs.log import Array
 from rover_sweep.logs.readers.column_grid import EVERY, GRID_HZ, ColumnGrid, means, relation
 from rover_sweep.logs.readers.column_map import FACTORS
-from rover_sweep.logs.readers.column_names import name_weight, unit_in, without_unit, words_of
+from rover_sweep.logs.readers.column_names import is_numbered, name_weight, unit_in, without_unit, words_of
 
 LINK = 0.8  # share of the variance, from which a relation between two columns counts
 WEAK = 0.35  # from which it is used for units and signs
 UNIT = 0.15  # of the natural logarithm of a factor, within which it is that of a unit
 HARDEST, TIGHTEST = 25.0, 0.5  # m/s^2 and m, of turns that vehicles of usual sizes drive
+COURSE = 0.5  # likewise for the course over ground, from which a slipping vehicle turns away
 UNRECORDED = "(a speed that was not recorded)"
 SPEED_UNITS, RATE_UNITS, ACCELERATION_UNITS = ("m/s", "km/h", "mph"), ("rad/s", "deg/s"), ("m/s^2", "g")
 
@@ -68,13 +69,8 @@ def _grounds(grid: ColumnGrid) -> Iterator[_Ground]:
             if two and grid.stream[one] == grid.stream[two]:
                 yield _ground(grid, one, two, degrees=x.startswith("lon"))
         two = names[k + 1] if k + 1 < len(names) else ""
-        if two and _is_numbered(one) and re.sub(r"\d+\]?$", "", one) == re.sub(r"\d+\]?$", "", two):
+        if two and is_numbered(one) and re.sub(r"\d+\]?$", "", one) == re.sub(r"\d+\]?$", "", two):
             yield _ground(grid, one, two)
-
-
-def _is_numbered(name: str) -> bool:
-    """True for a name such as column 3 or states[3], which says nothing but a place."""
-    return re.search(r"(column |\[|_)\d+\]?$", name) is not None
 
 
 def _ground(grid: ColumnGrid, one: str, two: str, degrees: bool = False) -> _Ground:
@@ -126,7 +122,7 @@ def _made_speeds(
         grid.x[title] = grid.raw[title] = speed
         grid.mean[title] = means(speed)
         grid.stream[title] = grid.stream[ground.pair[0]]
-        score = 0.8 if all(pair) else 0.0 if _is_numbered(ground.pair[0]) else 0.4
+        score = 0.8 if all(pair) else 0.0 if is_numbered(ground.pair[0]) else 0.4
         yield score, title, ground, (1.0, 1.0)
 
 
@@ -156,7 +152,7 @@ def _speeds(
             continue
         if share > LINK and any(abs(log(abs(k) / FACTORS["m/s"][u])) < UNIT for u in SPEED_UNITS) and k > 0:
             yield weight + 1.5 * share, name, ground, (k, share)
-        elif weight >= 0.3 or (_is_numbered(name) and forward > 0.99):
+        elif weight >= 0.3 or (is_numbered(name) and forward > 0.99):
             near = ground if share > 0.5 and k > 0 else None
             yield weight, name, near or (grounds[0] if grounds else None), (k, share if near else 0.0)
 
@@ -170,7 +166,7 @@ def _yaw_rates(
             name_weight("psi", name),
             0.8 * bool(grid.period.get(name)),
             1.0 * ("quaternion" in grid.made.get(name, ())),
-            0.1 * (_is_numbered(name) and bool(np.ptp(grid.x[name]) > 1)),
+            0.1 * (is_numbered(name) and bool(np.ptp(grid.x[name]) > 1)),
         )
         for name in grid.dot
     }
@@ -188,10 +184,11 @@ def _yaw_rates(
             links["heading"] = (k, share)
         if ground is not None and position:
             course = relation(grid.mean[name], ground.mean_rate, moving[::EVERY])
-            if course[1] > WEAK and _is_unit_factor(course[0]):
+            if course[1] > WEAK and _is_unit_factor(course[0], COURSE):
                 links["course"] = course
         evidence = sum(links[n][1] for n in ("heading", "course") if n in links)
-        if weight >= 0.3 or evidence > 1.2:
+        told = share > 0.9 and "heading" in links and headings[heading] >= 0.8
+        if weight >= 0.3 or evidence > 1.2 or told:
             one = MotionColumns(
                 name, heading=heading if "heading" in links else "", position=position, links=links
             )
@@ -210,9 +207,9 @@ def _yaw_rates(
         yield 0.7 * weight + 0.5 * share, MotionColumns(name, heading=name, position=position, links=links)
 
 
-def _is_unit_factor(k: float) -> bool:
+def _is_unit_factor(k: float, within: float = UNIT) -> bool:
     """True for the ratio of two rates of turn, each in rad/s or deg/s."""
-    return any(abs(log(abs(k) * factor + 1e-12)) < UNIT for factor in (1.0, pi / 180, 180 / pi))
+    return any(abs(log(abs(k) * factor + 1e-12)) < within for factor in (1.0, pi / 180, 180 / pi))
 
 
 def yaw_rate_of(grid: ColumnGrid, motion: MotionColumns) -> Array:
@@ -222,17 +219,19 @@ def yaw_rate_of(grid: ColumnGrid, motion: MotionColumns) -> Array:
 
 def _with_acceleration(grid: ColumnGrid, motion: MotionColumns, moving: NDArray[np.bool_]) -> MotionColumns:
     """With the lateral acceleration, and the units and signs that all relations together make likely."""
-    vr = (np.abs(grid.x[motion.speed]) * yaw_rate_of(grid, motion))[moving]
+    vr = means(np.abs(grid.x[motion.speed]) * yaw_rate_of(grid, motion))
     taken = {motion.r, motion.speed, *motion.position.split(", ")}
-    best = (WEAK, "", (0.0, 0.0))
+    best = (0.0, "", (0.0, 0.0))
     for name in grid.dot:
-        if name in taken or name in grid.made or name in grid.period:
+        own, turned = name_weight("ay", name), name_weight("ax", name)
+        if name in taken or name in grid.made or name in grid.period or not (own or turned):
             continue
-        x, weight = grid.x[name], name_weight("ay", name)
-        k, share = relation(x[moving], vr)
-        others = max(name_weight(role, name) for role in ("r", "p", "ax", "steering", "vy", "psi", "speed"))
-        if weight and share + weight - 0.7 * others > best[0]:
-            best = (share + weight - 0.7 * others, name, (k, share))
+        others = max(name_weight(role, name) for role in ("r", "p", "steering", "vy", "psi", "speed"))
+        k, share = relation(grid.mean[name], vr, moving[::EVERY])
+        weight = 0.5 * (own - 0.7 * others) if own else 0.0
+        score = weight + (share if share > WEAK else 0.0)
+        if score > best[0] and (own or share > LINK):  # of a sensor that is mounted turned, only if it fits
+            best = (score, name, (k, share))
     found = replace(motion, ay=best[1], links={**motion.links, "V r": best[2]} if best[1] else motion.links)
     return _with_units(grid, found)
 
@@ -296,7 +295,8 @@ def _gravity_unit(grid: ColumnGrid, name: str) -> str:
     """Of an acceleration: the unit in which the vertical one beside it is gravity, "" without one."""
     if not name:
         return ""
-    same = [n for n in grid.raw if grid.stream[n] == grid.stream[name]]
-    vertical = [n for n in same if words_of(n) == "z".join(words_of(name).rsplit("y", 1)) and n != name]
+    same = [n for n in grid.dot if grid.stream[n] == grid.stream[name] and n != name]
+    z = ["z".join(words_of(name).rsplit(axis, 1)) for axis in "xy"]
+    vertical = [n for n in same if words_of(n) in z]
     level = abs(float(np.mean(grid.raw[vertical[0]]))) if vertical else 0.0
     return "m/s^2" if 8 < level < 11.5 else "g" if 0.8 < level < 1.2 else ""
