@@ -16,7 +16,7 @@ from rover_sweep.data.vehicle_geometry import geometry_of
 from rover_sweep.driving.answer import DrivingAnswer, answer_from
 from rover_sweep.errors import DataRefused, UsageError
 from rover_sweep.logs.log import Log
-from rover_sweep.logs.read import read_logs, usable_log
+from rover_sweep.logs.read import READ, read_logs, usable_log
 from rover_sweep.report.driving import driving_document, driving_report
 from rover_sweep.report.in_html import PageFiles, write_page
 from rover_sweep.report.wording import strict_json
@@ -74,7 +74,7 @@ def identify_driving(
     ('good', 'us')
     """
     if not sources:
-        raise UsageError("there is no log; give a .BIN, .tlog or .csv")
+        raise UsageError(f"there is no log; give {READ}")
     low, high = WHEELBASES
     known = isinstance(wheelbase, float | int) and not isinstance(wheelbase, bool)
     if wheelbase is not None and not (known and low <= wheelbase <= high):

@@ -1,7 +1,7 @@
 """Reads runs from files: `rs.read`, and functions for the command line with several groups of files.
 
-A source is a .BIN, .tlog or .csv, one trial of it as "runs.csv:3", a pair "log.BIN+log.tlog", or the folder
-of a session.
+A source is a .BIN, a .tlog, a file of another system (`logs.readers.tables`), one trial of it as
+"runs.csv:3", a pair "log.BIN+log.tlog", or the folder of a session.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from rover_sweep.errors import DataRefused, UsageError
 from rover_sweep.identification.grouping import MODELS
 from rover_sweep.identification.state_space import ModelStructure
 from rover_sweep.identification.toml_form import StructureError, structure_from_text
-from rover_sweep.logs.read import existing_log, read_runs
+from rover_sweep.logs.read import READ, existing_log, read_runs
 from rover_sweep.quality.faults import each_with_length, is_unexcited
 from rover_sweep.quality.rovers import stopped_at, with_rovers
 from rover_sweep.quality.verdict import CoherenceTable, assess
@@ -267,7 +267,8 @@ def _is_of(label: str, rest: str) -> bool:
 
 @dataclass(frozen=True)
 class Reading:
-    """How to read the recordings. columns: the map of a .csv (dict or path of a TOML file).
+    """How to read the recordings. columns: the map of files of other systems (dict or path of a
+    TOML file); without one, their columns are found.
 
     filters: {"gyro_hz", "accel_hz"} [Hz] that replace the recorded low-passes of the sensors.
     system: MAVLink id of the vehicle in a .tlog that holds several. servo: whether the measured position of
@@ -380,16 +381,16 @@ def read(
     servo: bool = False,
     without: Location | Sequence[Location] = (),
 ) -> Runs:
-    """All runs of .BIN, .tlog or .csv files, of pairs "log.BIN+log.tlog", or of the folder of a session.
+    """All runs of .BIN, .tlog or other systems' files, of pairs "log.BIN+log.tlog", or of a session's folder.
 
     "runs.csv:3" reads only trial 3 of a file; without=["runs.csv:3"] leaves it out, to hold it out, and
     without=["run4.BIN"] the whole file.
     vehicle: a vehicle file (rover.toml) or a `Vehicle`, needed to convert the PWM to a road-wheel angle; for
-    the folder of a session, default its own file. columns: the column map of a .csv. gyro_hz, accel_hz:
-    low-passes of the sensors [Hz, 0 = off] that replace the recorded ones. system: MAVLink id of the vehicle
-    in a .tlog that holds several. servo: whether the measured position of the servo (CSRV) is the steering,
-    so that the model is of the rover without its servo. UsageError for files that cannot be opened,
-    DataRefused for files that cannot be used.
+    the folder of a session, default its own file. columns: the column map of other systems' files; without
+    one, the columns are found, with a note. gyro_hz, accel_hz: low-passes of the sensors [Hz, 0 = off] that
+    replace the recorded ones. system: MAVLink id of the vehicle in a .tlog that holds several. servo: whether
+    the measured position of the servo (CSRV) is the steering, so that the model is of the rover without its
+    servo. UsageError for files that cannot be opened, DataRefused for files that cannot be used.
 
     >>> runs = rs.read("run1.BIN", "run4.BIN", vehicle="rover.toml")
     >>> runs
@@ -405,7 +406,7 @@ def read(
     rover_sweep.errors.UsageError: ...
     """
     if not sources:
-        raise UsageError("nothing to read: give the path of a .BIN, .tlog or .csv")
+        raise UsageError(f"nothing to read: give the path of {READ}")
     for source in sources:
         if not isinstance(source, str | PathLike):
             raise UsageError(f"rs.read takes paths of files or folders, not {source!r}")

@@ -235,7 +235,7 @@ SEED = option("Random seed of noise and road.", click.IntRange(0), default=1)
 
 
 def _reading(
-    columns: str | None = option("Column map of .csv recordings (TOML).", FILE),
+    columns: str | None = option("Column map of other systems' files (TOML; see `columns`).", FILE),
     system: int | None = option(
         "MAVLink system id of the vehicle, if a .tlog contains several.", click.IntRange(1, 255), "N"
     ),

@@ -86,11 +86,14 @@ def as_ulog(folder: Path) -> tuple[Path, dict[str, Any]]:
     def message(kind: bytes, content: bytes) -> bytes:
         return len(content).to_bytes(2, "little") + kind + content
 
+    def north_east(d: dict[str, Array]) -> tuple[Array, ...]:
+        return d["x"], -d["y"], d["v"] * np.cos(d["psi"]), -d["v"] * np.sin(d["psi"])
+
     out = b"ULog\x01\x12\x35\x01" + (0).to_bytes(8, "little")
     topics = (
         ("vehicle_angular_velocity", "float[3] xyz", 100.0, lambda d: (0 * d["r"], 0 * d["r"], -d["r"])),
         ("actuator_servos", "float[1] control", 50.0, lambda d: (-d["delta"] / 0.35,)),
-        ("wheel_encoders", "float speed", 20.0, lambda d: (d["v"],)),
+        ("vehicle_local_position", "float x;float y;float vx;float vy", 20.0, north_east),
     )
     for name, fields, _, _ in topics:
         out += message(b"F", f"{name}:uint64_t timestamp;{fields};".encode())
@@ -105,7 +108,7 @@ def as_ulog(folder: Path) -> tuple[Path, dict[str, Any]]:
     names: dict[str, Any] = {
         "delta": {"column": "actuator_servos.control[0]", "scale": 0.35},
         "r": "vehicle_angular_velocity.xyz[2]",
-        "speed": "wheel_encoders.speed",
+        "speed": {"velocity": ["vehicle_local_position.vx", "vehicle_local_position.vy"]},
         "axes": "frd",
     }
     return folder / "drive.ulg", names
@@ -210,8 +213,8 @@ def test_a_file_gives_its_channels_on_one_clock(kind: str, tmp_path: Path) -> No
 def test_its_columns_are_found(kind: str, tmp_path: Path) -> None:
     path, names = FORMATS[kind](tmp_path)
     found = guess_columns(read_table([path])).map
-    column = {k: v["column"] if isinstance(v, dict) else v for k, v in names.items()}
-    told = {k: v.get("column") if isinstance(v, dict) else v for k, v in found.items()}
+    column = {k: v.get("column", v) if isinstance(v, dict) else v for k, v in names.items()}
+    told = {k: v.get("column", v) if isinstance(v, dict) else v for k, v in found.items()}
     assert {k: told.get(k) for k in column} == column
     if kind == "parquet":
         assert found["delta"]["unit"] == "deg"

@@ -28,10 +28,10 @@ def coherence(
 ) -> None:
     """Check whether the coherence of each run is good enough, and say what to change if it is not.
 
-    RUN is a .BIN, a .tlog, a .csv, log.BIN+log.tlog, or a session's folder. No vehicle file is needed.
-    The last table gives the amplitude that the next run needs in each octave for a coherence of 0.8 and
-    a random error of 10 %, within the limits of servo, tyres and applet. A poor run is not an error: the
-    exit code is 0.
+    RUN is a .BIN, a .tlog, a file of another system (.csv, .mcap, ...), log.BIN+log.tlog, or a session's
+    folder. No vehicle file is needed. The last table gives the amplitude that the next run needs in each
+    octave for a coherence of 0.8 and a random error of 10 %, within the limits of servo, tyres and applet. A
+    poor run is not an error: the exit code is 0.
     """
     from rover_sweep.api.read import load_runs
     from rover_sweep.data.vehicle_file import load

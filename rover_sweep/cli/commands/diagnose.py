@@ -96,10 +96,10 @@ def diagnose(
 ) -> None:
     """Find physical effects in the recorded RUNs that the model leaves out: where, size and evidence.
 
-    RUN is a .BIN, a .tlog, a .csv (with --columns), log.BIN+log.tlog, or a session's folder. Runs at two
-    amplitudes and two speeds separate most effects; `rover-sweep plan` shows which. --simulation compares a
-    simulation with the recordings too, and says what it has otherwise; --simulator drives one like the RUNs
-    for that. Ctrl-C reports the findings so far and exits with code 130.
+    RUN is a .BIN, a .tlog, a file of another system (.csv, .mcap, ...), log.BIN+log.tlog, or a session's
+    folder. Runs at two amplitudes and two speeds separate most effects; `rover-sweep plan` shows which.
+    --simulation compares a simulation with the recordings too, and says what it has otherwise; --simulator
+    drives one like the RUNs for that. Ctrl-C reports the findings so far and exits with code 130.
     """
     from rover_sweep.api.diagnosis_input import candidates_left, material, nominal_of, time_limit_of
     from rover_sweep.api.read import load_steered

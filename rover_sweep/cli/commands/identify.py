@@ -104,9 +104,9 @@ def identify(
 ) -> None:
     """Identify bicycle, roll-yaw and lumped models from recorded RUNs and write a report.
 
-    RUN is a .BIN, a .tlog, a .csv (with --columns), both logs of one drive as log.BIN+log.tlog, or a
-    session's folder. Several runs are fitted together. Doublets among them are used to verify the models,
-    unless --verify names other runs. Throttle sweeps are recognised, and identified into
+    RUN is a .BIN, a .tlog, a file of another system (.csv, .mcap, ...), both logs of one drive as
+    log.BIN+log.tlog, or a session's folder. Several runs are fitted together. Doublets among them are used to
+    verify the models, unless --verify names other runs. Throttle sweeps are recognised, and identified into
     DIR/speed.html and DIR/speed.json.
 
     Without a vehicle file, or without a sweep, RUN may be any driving, such as a mission: the answer is then

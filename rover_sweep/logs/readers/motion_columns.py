@@ -20,6 +20,7 @@ LINK = 0.8  # share of the variance, from which a relation between two columns c
 WEAK = 0.35  # from which it is used for units and signs
 UNIT = 0.15  # of the natural logarithm of a factor, within which it is that of a unit
 HARDEST, TIGHTEST = 25.0, 0.5  # m/s^2 and m, of turns that vehicles of usual sizes drive
+NEARER = 0.02  # of a share, by which a column must be nearer to one position's slope than to the speed
 COURSE = 0.5  # likewise for the course over ground, from which a slipping vehicle turns away
 UNRECORDED = "(a speed that was not recorded)"
 SPEED_UNITS, RATE_UNITS, ACCELERATION_UNITS = ("m/s", "km/h", "mph"), ("rad/s", "deg/s"), ("m/s^2", "g")
@@ -148,8 +149,8 @@ def _speeds(
             continue
         links = [(*relation(g.mean_speed, np.abs(grid.mean[name])), g) for g in grounds if name not in g.name]
         k, share, ground = max(links, key=lambda pair: pair[1], default=(0.0, 0.0, None))
-        if weight < 0.5 and any(part > share for part, component in components if component == name):
-            continue
+        if any(part > share + NEARER for part, component in components if component == name):
+            continue  # a velocity to the north, which is the speed only on straight roads
         if share > LINK and any(abs(log(abs(k) / FACTORS["m/s"][u])) < UNIT for u in SPEED_UNITS) and k > 0:
             yield weight + 1.5 * share, name, ground, (k, share)
         elif weight >= 0.3 or (is_numbered(name) and forward > 0.99):
