@@ -17,6 +17,7 @@ from rover_sweep.driving.answer import DrivingAnswer, answer_from
 from rover_sweep.errors import DataRefused, UsageError
 from rover_sweep.logs.log import Log
 from rover_sweep.logs.read import READ, read_logs, usable_log
+from rover_sweep.logs.readers.tables import is_table_file
 from rover_sweep.report.driving import driving_document, driving_report
 from rover_sweep.report.in_html import PageFiles, write_page
 from rover_sweep.report.wording import strict_json
@@ -28,7 +29,7 @@ WHEELBASES = 0.02, 20.0  # m
 class DrivingIdentification(DrivingAnswer):
     """The result of `identify_driving`. It prints as a table.
 
-    read: how the logs were read, such as which columns were taken where no map was given.
+    read: how files of other systems were read, such as which columns were taken where no map was given.
     """
 
     sources: tuple[str, ...] = ()
@@ -86,8 +87,13 @@ def identify_driving(
     return DrivingIdentification(
         **{f.name: getattr(found, f.name) for f in fields(found)},
         sources=tuple(Path(n).name for n in names),
-        read=tuple(dict.fromkeys(note.text for log in logs for note in log.notes)),
+        read=tuple(dict.fromkeys(note.text for log in logs if _is_foreign(log) for note in log.notes)),
     )
+
+
+def _is_foreign(log: Log) -> bool:
+    """True for a file of another system, of which it is not evident how it was read."""
+    return any(is_table_file(Path(name)) for name, _ in log.sources)
 
 
 def _logs(

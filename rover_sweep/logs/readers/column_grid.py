@@ -17,7 +17,7 @@ from rover_sweep.logs.log import Array, increasing
 from rover_sweep.logs.readers.column_map import FACTORS
 from rover_sweep.logs.readers.column_names import name_weight, says_anything, unit_in, words_of
 from rover_sweep.logs.readers.made_signals import heading_of, slope
-from rover_sweep.logs.readers.tables import FEWEST_ROWS, RecordedTable, TableStream, seconds_of
+from rover_sweep.logs.readers.tables import FEWEST_ROWS, RecordedTable, TableStream, times_in
 
 GRID_HZ, LONGEST = 20.0, 16_000  # of the common grid on which columns are compared; samples
 SMOOTH_HZ = 2.0
@@ -49,18 +49,16 @@ def _clock_of(stream: TableStream) -> ClockGuess | None:
 def _as_clock(stream: TableStream, name: str) -> tuple[float, ClockGuess] | None:
     """(how well, the clock) of a column that may be the time."""
     cells, weight = stream[name], name_weight("time", name)
-    filled = [c for c in cells if c.strip()] if isinstance(cells, list) else []
-    if filled and all(seconds_of(c) is not None for c in (filled[0], filled[len(filled) // 2], filled[-1])):
-        t = np.array([np.nan if (s := seconds_of(c)) is None else s for c in cells])
+    if (t := times_in(cells)) is not None:
         if not _rises(t) or np.mean(np.diff(t[np.isfinite(t)]) > 0) < 0.05:  # of trials, or of whole seconds
             return None
         return 2.0 + weight, ClockGuess(t, name, "certain", f"date-times, {_rate(t)}")
-    x = _numeric(cells)
+    x = stream.numbers(name)
     if x is None or not _rises(x):
         return None
     fine = next((n for n in stream.names if n != name and _is_nanoseconds(stream, n)), None)
     if fine is not None and np.all(x[np.isfinite(x)] % 1 == 0) and weight:
-        t = x + np.asarray(_numeric(stream[fine])) * 1e-9
+        t = x + np.asarray(stream.numbers(fine)) * 1e-9
         if _rises(t):
             words = f"seconds and nanoseconds, {_rate(t)}"
             return 2.0 + weight, ClockGuess(t, {"column": name, "nanoseconds": fine}, "certain", words)
@@ -85,7 +83,7 @@ BLOCKS = 25, 100, 500  # samples, over which columns without a clock are compare
 
 def _even_samples(stream: TableStream) -> ClockGuess | None:
     """The rate of a stream without a clock, from two columns of which one is the other's integral."""
-    columns = [(n, x) for n in stream.names if (x := _numeric(stream[n])) is not None and np.ptp(x) > 0]
+    columns = [(n, x) for n in stream.names if (x := stream.numbers(n)) is not None and np.ptp(x) > 0]
     whole = [(n, np.unwrap(x) if _period(x) else x) for n, x in columns if np.isfinite(x).all()]
     best = 0.95, 0.0, "", ""
     for (name, x), (other, y), block in product(whole, whole, BLOCKS):
@@ -107,7 +105,7 @@ def _even_samples(stream: TableStream) -> ClockGuess | None:
 def _is_nanoseconds(stream: TableStream, name: str) -> bool:
     if words_of(name).split()[-1:] not in (["ns"], ["nsec"], ["nsecs"], ["nanosec"], ["nanoseconds"]):
         return False
-    x = _numeric(stream[name])
+    x = stream.numbers(name)
     return x is not None and float(np.nanmin(x)) >= 0 and 1e6 < float(np.nanmax(x)) < 1e9
 
 
@@ -137,19 +135,6 @@ def _rises(x: Array) -> bool:
 def _rate(t: Array) -> str:
     steps = np.diff(t[np.isfinite(t)])
     return f"{1 / float(np.median(steps[steps > 0])):.3g} Hz"
-
-
-def _numeric(cells: Array | list[str]) -> Array | None:
-    """(n,) numbers; None for a column of words."""
-    if not isinstance(cells, list):
-        return cells
-    try:
-        return np.array([cell.strip() or "nan" for cell in cells]).astype(float)
-    except ValueError:
-        return None
-
-
-# Columns on a common grid
 
 
 @dataclass(eq=False)
@@ -226,7 +211,7 @@ def gridded(table: RecordedTable) -> ColumnGrid:
         for name in stream.names:
             if name in of_clock or name in twice or (crowded and not says_anything(name)):
                 continue
-            x = _numeric(stream[name])
+            x = stream.numbers(name)
             if x is None or np.isfinite(x).sum() < FEWEST_ROWS:
                 continue
             numbers[name] = x

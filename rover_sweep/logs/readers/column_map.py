@@ -237,7 +237,7 @@ def _column(channel: str, given: Any, header: Sequence[str]) -> Column:
         )
     count, unit = ways[way]
     named = entry.get(way)
-    names = tuple(str(n) for n in named) if isinstance(named, list | tuple) and count > 1 else (str(named),)
+    names: tuple[Any, ...] = tuple(named) if isinstance(named, list | tuple) and count > 1 else (named,)
     for name in names:
         if name not in header:
             raise UsageError(f"Column map: {channel} = {name!r}, but the columns are {', '.join(header)}")

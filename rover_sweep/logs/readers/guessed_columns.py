@@ -370,11 +370,9 @@ def _mark_lines(table: RecordedTable, grid: ColumnGrid) -> Iterator[FoundColumn]
         ("trial", "trial", "its values divide the file"),
         ("bad", "leave_out", "its name"),
     ):
-        for name in stream.names:
+        for name in (n for n in stream.names if name_weight(role, n) >= NAMED):
             values = [str(x) for x in stream[name]]
-            kinds = len(set(values))
             changes = sum(a != b for a, b in pairwise(values)) + 1
-            fits = 1 < kinds == changes <= 100 if key == "trial" else kinds == 2
-            if name_weight(role, name) >= NAMED and fits:
+            if 1 < len(set(values)) == changes <= 100 if key == "trial" else len(set(values)) == 2:
                 yield FoundColumn(key, name, "likely", words)
                 break

@@ -25,7 +25,7 @@ from rover_sweep.logs.readers.column_map import (
 )
 from rover_sweep.logs.readers.guessed_columns import guess_columns
 from rover_sweep.logs.readers.made_signals import heading_of, slope
-from rover_sweep.logs.readers.tables import RecordedTable, TableStream, is_number, read_table, seconds_of
+from rover_sweep.logs.readers.tables import RecordedTable, TableStream, is_number, read_table, times_in
 
 NEEDED = {"pwm", "delta", "r", "speed"}
 SIGN_CHANGES = {"r", "ay", "vy", "psi", "delta"}  # between FRD and ISO axes
@@ -99,17 +99,15 @@ def _trials(table: RecordedTable, columns: ColumnMap, stream: TableStream) -> tu
 
 
 def _numbers(table: RecordedTable, column: str) -> Array:
-    cells = table.of(column)[column]
-    if not isinstance(cells, list):
-        return cells
-    try:
-        return np.array([cell.strip() or "nan" for cell in cells]).astype(float)
-    except ValueError:
+    stream = table.of(column)
+    found, cells = stream.numbers(column), stream[column]
+    if found is None:
         row, cell = next((k, cell) for k, cell in enumerate(cells) if not is_number(cell))
         comma = "; write decimal points, not commas" if is_number(cell.replace(",", ".")) else ""
         raise DataRefused(
             f"{table.name}: column {column} is not numeric ({cell.strip()[:20]!r} in row {row + 1}){comma}"
-        ) from None
+        )
+    return found
 
 
 def _times(table: RecordedTable, stream: TableStream, clocks: Sequence[StreamClock]) -> tuple[Array, str]:
@@ -126,9 +124,8 @@ def _times(table: RecordedTable, stream: TableStream, clocks: Sequence[StreamClo
             )
         return np.arange(len(stream)) / even.rate, "even samples"
     name = own.column.names[0]
-    cells = stream[name]
-    if isinstance(cells, list) and all(seconds_of(c) is not None for c in cells if c.strip()):
-        return np.array([s if (s := seconds_of(c)) is not None else np.nan for c in cells]), f"column {name}"
+    if (dates := times_in(stream[name])) is not None:
+        return dates, f"column {name}"
     time = (_numbers(table, name) - own.column.offset) * own.column.scale
     if own.nanoseconds:
         time = time + _numbers(table, own.nanoseconds) * 1e-9

@@ -33,11 +33,13 @@ class TableStream:
     """Columns that were recorded together: names, and for each its (n,) numbers or, of a .csv, its cells.
 
     time: (n,) s on the recording's clock; None where the file does not say which column is the time.
+    parsed: the columns that were asked for as numbers.
     """
 
     names: tuple[str, ...]
     cells: tuple[Array | list[str], ...]
     time: Array | None = None
+    parsed: dict[str, Array | None] = field(default_factory=dict)
 
     def __contains__(self, column: str) -> bool:
         return column in self.names
@@ -47,6 +49,13 @@ class TableStream:
 
     def __getitem__(self, column: str) -> Array | list[str]:
         return self.cells[self.names.index(column)]
+
+    def numbers(self, column: str) -> Array | None:
+        """A column as (n,) numbers, nan where it is empty; None where it has other cells."""
+        if column not in self.parsed:
+            cells = self[column]
+            self.parsed[column] = _floats(cells) if isinstance(cells, list) else cells
+        return self.parsed[column]
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,6 +166,15 @@ def _csv(path: Path, notes: list[Note]) -> Iterator[TableStream]:
     yield TableStream(tuple(header), tuple([row[i] for row in rows] for i in range(len(header))))
 
 
+def _floats(cells: list[str]) -> Array | None:
+    for given in (cells, (cell.strip() or "nan" for cell in cells)):  # the first is quicker
+        try:
+            return np.array(list(given), dtype=float)
+        except ValueError:
+            continue
+    return None
+
+
 def is_number(cell: str) -> bool:
     """True for a number, and for an empty cell."""
     try:
@@ -191,6 +209,16 @@ def seconds_of(cell: str) -> float | None:
         day = int(np.datetime64(f"{year:04d}-{month:02d}-{date:02d}").astype(int)) if month and date else 0
     clock = 3600 * int(found["h"]) + 60 * int(found["m"]) + int(found["s"])
     return 86400.0 * day + clock + (float(f"0.{found['f']}") if found["f"] else 0.0)
+
+
+def times_in(cells: Array | list[str]) -> Array | None:
+    """(n,) s of cells that are date-times, nan where they are empty; None where they are anything else."""
+    if not isinstance(cells, list) or all(seconds_of(c) is None for c in cells[:FEWEST_ROWS]):
+        return None
+    found = [seconds_of(cell) for cell in cells]
+    if any(s is None and cell.strip() for s, cell in zip(found, cells, strict=True)):
+        return None
+    return np.array([np.nan if s is None else s for s in found])
 
 
 def _parquet(path: Path, notes: list[Note]) -> Iterator[TableStream]:
