@@ -41,7 +41,7 @@ class DrivingIdentification(DrivingAnswer):
         >>> driven.report("driving").page.name
         'driving.html'
         """
-        page = driving_report(self, ", ".join(self.sources))
+        page = driving_report(self, ", ".join(self.sources), self.read)
         return write_page(Path(directory), "driving", page, strict_json(driving_document(self)))
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from functools import partial
 from typing import Any
 
@@ -60,8 +60,8 @@ def driving_document(answer: DrivingAnswer) -> dict[str, Any]:
     }
 
 
-def driving_report(answer: DrivingAnswer, names: str) -> Document:
-    """The answer as a document. names: of the logs, for the subtitle."""
+def driving_report(answer: DrivingAnswer, names: str, read: Sequence[str] = ()) -> Document:
+    """The answer as a document. names: of the logs, for the subtitle; read: how they were read."""
     made = versions()
     return Document(
         "Steering from any driving",
@@ -74,6 +74,10 @@ def driving_report(answer: DrivingAnswer, names: str) -> Document:
             *(Sentence(sentence(words)) for words in _remarks(answer)),
         ),
         (
+            *(
+                (Section("How the files were read", some(*items(list(map(sentence, read)))), "read"),)
+                * bool(read)
+            ),
             Section("What was driven", some(*_driven(answer)), "driven"),
             Section("Yaw rate", some(Figures(tuple(_charts(answer)))), "runs", level="page"),
         ),

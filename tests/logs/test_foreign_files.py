@@ -218,6 +218,8 @@ def test_its_columns_are_found(kind: str, tmp_path: Path) -> None:
     assert {k: told.get(k) for k in column} == column
     if kind == "parquet":
         assert found["delta"]["unit"] == "deg"
+    (log,) = read_logs(str(path))
+    assert {"r", "speed"} <= set(log.signals)
 
 
 def test_the_first_numbers_come_from_the_file_alone(tmp_path: Path) -> None:

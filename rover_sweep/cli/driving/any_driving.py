@@ -46,10 +46,9 @@ def show_driving(answer: DrivingIdentification, out: Path, as_json: bool, why: s
     from rover_sweep.report.on_terminal import on_terminal
 
     narration().print(why, style="yellow", soft_wrap=True)
-    for how in answer.read:
-        narration().print(how, style="dim", soft_wrap=True)
     shown = results(as_json)
-    shown.print(on_terminal(driving_report(answer, ", ".join(answer.sources)), answer_last=True))
+    page = driving_report(answer, ", ".join(answer.sources), answer.read)
+    shown.print(on_terminal(page, answer_last=True))
     files = answer.report(out)
     shown.print(f"report: {files.page}", soft_wrap=True)
     shown.print("next: rover-sweep design (the sweeps that show tyres and inertia)", soft_wrap=True)

@@ -241,8 +241,11 @@ def _quaternions(
     numbers: dict[str, Array], clock: ClockGuess, number: int, found: ColumnGrid
 ) -> Iterator[tuple[str, Array, Array, int]]:
     """The heading of any four columns in a row whose squares have the sum 1."""
+    after = 0
     for k in range(len(numbers) - 3):
         names = list(numbers)[k : k + 4]
+        if k < after:
+            continue
         total = sum(np.square(numbers[name]) for name in names)
         if not np.nanmedian(np.abs(total - 1)) < 0.01 or np.nanstd(total) > 0.05:
             continue
@@ -252,7 +255,8 @@ def _quaternions(
         good = np.isfinite(psi) & np.isfinite(clock.time)
         t, (kept,) = increasing(clock.time[good], psi[good])
         if t.size >= FEWEST_ROWS and np.ptp(kept) > 0.1:
-            title = f"quaternion {', '.join(names)}"
+            after = k + 4
+            title = f"quaternion {names[0]} to {names[3]}"
             found.made[title] = {"quaternion": names}
             yield title, t, np.unwrap(kept), number
 

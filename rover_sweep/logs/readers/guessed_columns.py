@@ -348,14 +348,15 @@ def _steering_unit(grid: ColumnGrid, name: str, gain: float) -> tuple[str, dict[
 
 def _other_lines(grid: ColumnGrid, motion: MotionColumns) -> Iterator[FoundColumn]:
     """Roll rate from the gyro of the yaw rate; comments on what the map has no use for."""
-    same = [n for n in grid.dot if grid.stream[n] == grid.stream[motion.r] and n != motion.r]
+    columns = [n for n in grid.dot if n not in grid.made and n != motion.r]
+    same = [n for n in columns if grid.stream[n] == grid.stream[motion.r]]
     roll = max(same, key=lambda n: name_weight("p", n), default="")
     turned = motion.ay and not name_weight("ay", motion.ay)
     if roll and name_weight("p", roll) >= NAMED and motion.r != motion.heading and not turned:
         entry = _entry(roll, motion.units["r"], "rad/s", {})
         yield FoundColumn("p", entry, "likely", "its name; unit as the yaw rate's")
     for role, what in (("ax", "longitudinal acceleration"), ("vy", "lateral speed")):
-        named = max(grid.dot, key=lambda n: name_weight(role, n), default="")
+        named = max(columns, key=lambda n: name_weight(role, n), default="")
         if named and name_weight(role, named) >= NAMED and named != motion.ay:
             use = "not used" if role == "ax" else "write vy = ... if it was measured at the centre of gravity"
             yield FoundColumn(role, None, "", f"{what}: {named} ({use})")
