@@ -204,7 +204,10 @@ def _answer(
     if not found.stopped and not laws and weighed.something_else < 0.5:
         cannot_see += upper_bounds(last, settings.with_effects, settings.without_effects)
     ends = {} if found.stopped else at_the_end(last.problem, last.fitted)
-    doubts = (*implausible_numbers(last, drawn), *many_at_the_end(ends))
+    doubts = (
+        *implausible_numbers(last, drawn),
+        *many_at_the_end(ends, mismatches(last.problem.plain, last.closest.rows)),
+    )
     measure = doubts or tuple(ends.values())
     compared = {run.run.name: worse_channels(run, nominal, full) for run in held_out}
     worse = {name: channels for name, channels in compared.items() if channels} if findings else {}

@@ -14,6 +14,7 @@ from rover_sweep.data.recording import Array
 from rover_sweep.diagnosis.effects import Effect, EffectParameter
 from rover_sweep.diagnosis.problem.least_squares import COARSE, Fitted, fit, prior_information
 from rover_sweep.diagnosis.problem.residuals import Problem
+from rover_sweep.diagnosis.result import Mismatch
 from rover_sweep.diagnosis.simulation.candidates import (
     DEGREES_OF_FREEDOM,
     Coordinate,
@@ -274,13 +275,18 @@ def at_the_end(problem: Problem, fitted: Fitted) -> dict[str, str]:
     return out
 
 
-def many_at_the_end(ends: Mapping[str, str]) -> tuple[str, ...]:
-    """What it means that three or more numbers want to leave their tolerances together, () if fewer do."""
+def many_at_the_end(ends: Mapping[str, str], places: Sequence[Mismatch]) -> tuple[str, ...]:
+    """What it means that three or more numbers want to leave their tolerances together, () if fewer do.
+
+    places: where the fitted model and the runs differ, the largest first.
+    """
     if len(ends) < 3:
         return ()
+    names = ", ".join(MEASURED[name][0] for name in ends)
+    rest = f". Its largest residual: {places[0].sentence}" if places else ""
     return (
-        f"{len(ends)} numbers fit better outside their tolerances ({', '.join(ends)}): the model lacks "
-        "something else, or the runs and the vehicle file are not of one rover",
+        f"the model is wrong: {len(ends)} numbers want to leave their normal tolerances together ({names}). "
+        f"It lacks something else, or the runs and the vehicle file are not of one rover{rest}",
     )
 
 

@@ -72,6 +72,7 @@ def car(name: str, cars: Path) -> pd.DataFrame:
 
 RACE = "linklab-uva/deep-dynamics @ 88c8565, GPL-3.0"
 MAPPED = "AhmadAmine998/FrictionMaps @ 6a1b907, MIT"
+DART = "Lorenzo-Lyons/DART @ 4b52523, MIT"
 UMICH = "skvaskov/Rover_Data @ b52f855, no licence given"
 SETS = (
     Set("race car, Las Vegas oval", RACE, "Indy car, 2.97 m", partial(race, "LVMS_23_01_04_B.csv")),
@@ -86,6 +87,12 @@ CARS = (
         "1:10 car; steering at 1280, 1580 and 1880 us only",
         partial(car, "umich_ardupilot_rover_circles_2017"),
         "pwm",
+    ),
+    Set(
+        "DART, by hand",
+        DART,
+        "1:10 car, 0.174 m; angle from the servo command, good to 20 %, its curve bends",
+        partial(car, "dart_free_driving_2024"),
     ),
 )
 
@@ -127,8 +134,10 @@ def rows(sets: tuple[Set, ...], folder: Path) -> Iterator[str]:
         else:
             q = n["wheelbase_seen"] if one.column == "delta" else n["curvature"]
             told = f"{q.value:.3g} ({q.low:.3g} to {q.high:.3g}) {'m' if one.column == 'delta' else '1/m'}"
-            q = n["response_time"]
-            time = f"{q.value:.3f} ({q.low:.3f} to {q.high:.3f})"
+            time = "unknown"
+            if "response_time" in n:
+                q = n["response_time"]
+                time = f"{q.value:.3f} ({q.low:.3f} to {q.high:.3f})"
         first = f"| {one.title} ({one.source}) | {one.known} | {said} "
         yield f"{first}| {told} | {other} | {time} | {late:.2f} |"
 

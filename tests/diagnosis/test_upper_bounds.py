@@ -14,7 +14,7 @@ from rover_sweep.diagnosis import search
 from rover_sweep.diagnosis.effects import library
 from rover_sweep.diagnosis.posterior.model_fit import ModelFit, model_fit
 from rover_sweep.diagnosis.posterior.upper_bounds import shown_length, sides, upper_bounds
-from rover_sweep.diagnosis.result import Unseen, UpperBound, largest_hidden
+from rover_sweep.diagnosis.result import Mismatch, Unseen, UpperBound, largest_hidden
 from rover_sweep.diagnosis.simulation.candidates import possible
 from rover_sweep.diagnosis.simulation.simulator import logged
 
@@ -128,3 +128,12 @@ def test_the_end_of_a_tolerance_is_said_only_where_the_fit_is_better_beyond_it(
         freed = replace(at_end, x={**at_end.x, c.name: better}, cost=at_end.cost - 100.0)
         monkeypatch.setattr(search, "_freed", lambda *_, freed=freed: freed)
         assert len(search.at_the_end(last.problem, at_end)) == count, better
+
+
+def test_many_numbers_at_their_ends_blame_the_model_and_not_the_owner() -> None:
+    every = {name: f"{name} is at the end: measure it" for name in ("delay", "lag", "scale")}
+    place = Mismatch("r", (2.0, 5.0), "throughout", 7.0, "yaw rate differs between 2 and 5 rad/s")
+    assert search.many_at_the_end({n: every[n] for n in ("delay", "lag")}, [place]) == ()
+    (words,) = search.many_at_the_end(every, [place])
+    assert words.startswith("the model is wrong: 3 numbers") and "measure it" not in words
+    assert "the servo's lag" in words and words.endswith("yaw rate differs between 2 and 5 rad/s")
