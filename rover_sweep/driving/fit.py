@@ -264,7 +264,11 @@ def _structure(theta: Array, stretches: Sequence[DrivenPart]) -> Array:
     found = np.zeros((len(NAMES), len(NAMES)))
     found[np.ix_((3, 4), (3, 4))] = (SPLIT * lags) ** 2 * np.array([[1.0, -1.0], [-1.0, 1.0]])
     found[4, 4] += (WHOLE * (theta[3] + lags)) ** 2
-    found[5, 5] = (TYRES * theta[5]) ** 2
+    # what the tyres' lag gains, the constant one loses
+    bent: Array = np.zeros(len(NAMES))
+    bent[5] = TYRES * theta[5]
+    bent[4] = -bent[5] * float(np.mean(speeds))
+    found += np.outer(bent, bent)
     # what the understeer gains, the gain at low speed gains too: that of the usual speed stays
     moved: Array = np.zeros(len(NAMES))
     moved[6] = np.hypot(OTHER / float(np.percentile(speeds, 95)) ** 2, LINEAR * theta[6])
