@@ -100,7 +100,8 @@ def usable_driving(logs: Sequence[Log]) -> Driving:
 
 def _of_log(log: Log) -> tuple[list[DrivenPart], dict[str, float], Array]:
     """Its stretches, the seconds left out for each reason, and the yaw rate at standstill."""
-    steering, speed, yaw = _continuous(log.steering[0]), log.signals["speed"], log.signals["r"]
+    loop = 1 / log.parameters.get("SCHED_LOOP_RATE", np.inf)
+    steering, speed, yaw = _continuous(log.steering[0], loop), log.signals["speed"], log.signals["r"]
     first, last = (pick(f(s.t[i] for s in (steering, speed, yaw))) for pick, f, i in _ENDS)
     t = np.arange(first, last, 1 / RATE)
     v, r = speed.on(t), yaw.on(t)
@@ -133,11 +134,14 @@ def _of_log(log: Log) -> tuple[list[DrivenPart], dict[str, float], Array]:
 _ENDS = ((float, max, 0), (float, min, -1))
 
 
-def _continuous(steering: Signal) -> Signal:
-    """Outputs logged too seldom for a staircase, as samples to interpolate between."""
-    if steering.hold and steering.rate < STAIRCASE_HZ:
-        return Signal(steering.t, steering.x, steering.unit, steering.source)
-    return steering
+def _continuous(steering: Signal, loop: float) -> Signal:
+    """Outputs logged too seldom for a staircase, as samples to interpolate between.
+
+    Each is held for a main loop [s]: the samples are those of its middle.
+    """
+    if steering.rate >= STAIRCASE_HZ:
+        return steering
+    return Signal(steering.t + 0.5 * loop, steering.x, steering.unit, steering.source)
 
 
 def _in_holes(signal: Signal, t: Array) -> Bool:

@@ -329,3 +329,15 @@ def test_too_little_driving_is_said(long_drives):
     (log,) = [damaged(long_drives[0], 18)]  # 16 s in which the steering explains nearly all
     answer = answer_from([log])
     assert answer.level == "none" and "too little driving" in answer.reasons[0]
+
+
+def test_outputs_logged_seldom_are_dated_at_the_middle_of_their_loop(driven):
+    """Every fifth output at the begin of its 20 ms, as ArduRover logs them."""
+
+    def seldom(log):
+        s = log.steering[0]
+        few = Signal(s.t[::5] - 0.01, s.x[::5], s.unit, s.source)
+        return replace(log, steering=(few,), parameters={**log.parameters, "SCHED_LOOP_RATE": 50.0})
+
+    found, plain = (answer_from(changed(driven[0], f)).numbers for f in (seldom, lambda log: log))
+    assert found["response_time"].value == pytest.approx(plain["response_time"].value, abs=0.004)
