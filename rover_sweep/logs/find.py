@@ -36,6 +36,7 @@ from rover_sweep.logs.wave import (
     half_waves,
     kind_of,
     refuse_fragment,
+    usual_way,
 )
 
 Bool = NDArray[np.bool_]
@@ -166,7 +167,14 @@ def _by_shape_or_spectrum(log: Log) -> list[Window]:
 
     An autopilot's log has its manoeuvres.
     """
-    active = active_intervals(log.steering[0], log.signals["speed"])
+    steering, speed = log.steering[0], log.signals["speed"]
+    way = usual_way(speed)
+    active = [
+        (a, b)
+        for a, b in active_intervals(steering, speed)
+        # the other way is manoeuvring, except where it has the shape of a run
+        if way * float(np.median(speed.between(a, b).x)) > 0 or kind_of(steering, a, b) != "other"
+    ]
     found = [Window(a, b, label=f"run {i + 1}") for i, (a, b) in enumerate(active)]
     if log.applet is not None or log.parameters or log.marks:
         return found

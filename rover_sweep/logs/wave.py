@@ -14,7 +14,7 @@ from rover_sweep.logs.log import Array, Log
 ACTIVE_US, ACTIVE_RAD = 10.0, 0.01  # us, rad: smallest deviation from straight that is steering
 CONSTANT = 0.2  # of that: noise of a receiver
 FADE = 3.0  # s, longest fade of a wave
-MOVING_SPEED = 0.3  # m/s
+MOVING_SPEED, STANDING = 0.3, 0.1  # m/s
 PAUSE = 5.0  # s without steering that end a run
 SHORTEST_RUN = 4.0  # s
 REVERSALS = 2  # fewest changes of side in a run
@@ -53,6 +53,12 @@ def active_intervals(steering: Signal, speed: Signal) -> list[tuple[float, float
     long = [(start, end) for start, end in spans if end - start >= SHORTEST_RUN]
     runs = [s for s in long if _crossings(steering.between(*s), straight).size >= REVERSALS]
     return [excitation(steering, start, end, straight) for start, end in runs]
+
+
+def usual_way(speed: Signal) -> float:
+    """-1 where the rover drives in reverse for most of the time that it moves, else 1."""
+    driven = speed.x[np.abs(speed.x) > STANDING]
+    return -1.0 if driven.size and np.median(driven) < 0 else 1.0
 
 
 def excitation(steering: Signal, start: float, end: float, rest: float) -> tuple[float, float]:
@@ -299,19 +305,18 @@ CARRIED = 0.3  # of the smallest steering: rms of the steering without mean and 
 def carried_intervals(log: Log) -> list[tuple[float, float]]:
     """Intervals (start, end) [s] of driving without a halt whose steering carries, whatever its shape.
 
-    Shorter ones than `SHORTEST_RUN` count only as a whole trial: in a long drive they are manoeuvring.
+    Shorter ones than `SHORTEST_RUN` count only as a whole trial: in a long drive they are manoeuvring. So is
+    what goes the other way than most of the drive.
     """
     speed, steering = log.signals["speed"], log.steering[0]
     least = min(SHORTEST_RUN, WHOLE * float(steering.t[-1] - steering.t[0])) if steering.t.size else 0.0
-    driven = np.abs(speed.x)
-    usual = float(np.percentile(driven[driven > 0], 75)) if np.any(driven > 0) else 0.0
-    moving = driven > min(MOVING_SPEED, SLOW_SHARE * usual)
-    moving &= (speed.t >= steering.t[0]) & (speed.t <= steering.t[-1])
-    times: Array = speed.t[moving]
+    ahead = usual_way(speed) * speed.x
+    usual = float(np.percentile(ahead[ahead > 0], 75)) if np.any(ahead > 0) else 0.0
+    moving = speed.t[ahead > min(MOVING_SPEED, SLOW_SHARE * usual)]
+    times: Array = moving[(moving >= steering.t[0]) & (moving <= steering.t[-1])]
     if times.size < 2:
         return []
-    apart = (np.diff(times) > HALT) | (np.diff(np.sign(speed.x[moving])) != 0)
-    parts = np.split(times, np.flatnonzero(apart) + 1)
+    parts = np.split(times, np.flatnonzero(np.diff(times) > HALT) + 1)
     drives = [(float(part[0]), float(part[-1])) for part in parts]
     long = [(a, b) for a, b in drives if b - a >= max(least, SHORTEST_TRIAL)]
     return [(a, b) for a, b in long if carries(steering.between(a, b), a, b)]
