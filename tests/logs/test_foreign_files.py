@@ -323,6 +323,22 @@ def test_what_is_not_found_is_a_comment_to_complete(tmp_path: Path) -> None:
         read_logs(str(path))
 
 
+def test_a_sensor_that_is_mounted_turned_is_found(tmp_path: Path) -> None:
+    d = drive()
+    columns = {"t": d["t"], "gyro_z": d["r"], "acc_x": -d["ay"], "acc_y": d["ax"], "vx": d["v"]}
+    path = written(tmp_path / "imu.csv", {**columns, "servo": 1500 + 600 * d["delta"]})
+    found = guessed(path)
+    assert found.map["ay"] == {"column": "acc_x", "scale": -1} and found.map["pwm"] == "servo"
+    assert "so the sensor is mounted turned" in found.text()
+
+
+def test_a_steering_that_stays_is_named(tmp_path: Path) -> None:
+    d = drive()
+    columns = {"t": d["t"], "yaw_rate": d["r"], "speed": d["v"], "throttle": d["r"] + 0.1 * d["ax"]}
+    found = guessed(written(tmp_path / "circle.csv", {**columns, "steering": 0 * d["t"] + 0.2}))
+    assert found.missing == ("steering",) and "steering does not change" in found.text()
+
+
 def test_a_missing_library_is_one_sentence(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(__import__("sys").modules, "pyulog", None)
     path = tmp_path / "drive.ulg"

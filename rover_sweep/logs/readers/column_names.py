@@ -108,6 +108,12 @@ def name_weight(role: str, name: str) -> float:
     return found * (0.5 if role not in ("steering", "time") and is_commanded(name) else 1.0)
 
 
+def is_another(role: str, name: str) -> bool:
+    """True for a name that says another role than this one, and says it more clearly."""
+    rivals = (r for r in _PATTERNS if r not in (role, "trial", "bad"))
+    return max(name_weight(rival, name) for rival in rivals) >= max(0.6, name_weight(role, name) + 0.01)
+
+
 def says_anything(name: str) -> bool:
     """True for a name that may be that of a channel, of a position or of a quaternion's part."""
     roles = (role for role in _PATTERNS if role not in ("other", "time"))

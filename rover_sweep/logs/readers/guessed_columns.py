@@ -21,7 +21,7 @@ from rover_sweep.errors import UsageError
 from rover_sweep.logs.log import Array
 from rover_sweep.logs.readers.column_grid import GRID_HZ, ColumnGrid, gridded, relation
 from rover_sweep.logs.readers.column_map import FACTORS
-from rover_sweep.logs.readers.column_names import is_commanded, is_numbered, name_weight, unit_in
+from rover_sweep.logs.readers.column_names import is_another, is_commanded, is_numbered, name_weight, unit_in
 from rover_sweep.logs.readers.motion_columns import (
     LINK,
     SPEED_UNITS,
@@ -265,9 +265,7 @@ def _steering_lines(grid: ColumnGrid, motion: MotionColumns) -> Iterator[FoundCo
     tried = []
     for name in grid.dot:
         x, weight = grid.x[name], name_weight("steering", name)
-        other = max(name_weight(role, name) for role in ("r", "p", "ay", "ax", "vy", "psi", "speed", "other"))
-        other = max(other, name_weight("time", name))
-        if name in taken or name in grid.made or name in grid.period or (other >= 0.6 and weight < other):
+        if name in taken or name in grid.made or name in grid.period or is_another("steering", name):
             continue
         k, share = relation(r, x)
         if weight < 0.3 and share > 0.97 and abs(log(abs(k))) < 0.05:  # another yaw rate

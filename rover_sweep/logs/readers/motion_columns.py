@@ -14,7 +14,14 @@ from numpy.typing import NDArray
 from rover_sweep.logs.log import Array
 from rover_sweep.logs.readers.column_grid import EVERY, GRID_HZ, ColumnGrid, means, relation
 from rover_sweep.logs.readers.column_map import FACTORS
-from rover_sweep.logs.readers.column_names import is_numbered, name_weight, unit_in, without_unit, words_of
+from rover_sweep.logs.readers.column_names import (
+    is_another,
+    is_numbered,
+    name_weight,
+    unit_in,
+    without_unit,
+    words_of,
+)
 
 LINK = 0.8  # share of the variance, from which a relation between two columns counts
 WEAK = 0.35  # from which it is used for units and signs
@@ -59,7 +66,8 @@ class _Ground:
 def _grounds(grid: ColumnGrid) -> Iterator[_Ground]:
     """What pairs of columns give that may be a position: x and y, east and north, longitude and latitude."""
     parts = {n for made in grid.made.values() for n in made.get("quaternion", ())}
-    names = [name for name in grid.dot if name not in parts]
+    moving = ("r", "p", "ax", "ay", "vy", "speed", "steering")
+    names = [n for n in grid.dot if n not in parts and all(name_weight(role, n) < 0.6 for role in moving)]
     for k, one in enumerate(names):
         words = words_of(without_unit(one))
         for x, y in (("x", "y"), ("east", "north"), ("lon", "lat"), ("longitude", "latitude"), ("e", "n")):
@@ -145,11 +153,12 @@ def _speeds(
     for name in grid.dot:
         x, weight = grid.x[name], name_weight("speed", name)
         forward = float(np.mean(x * np.sign(np.median(x)) > -0.05 * np.max(np.abs(x))))
-        if name in grid.made or (weight < 0.5 and forward < 0.9):
+        if name in grid.made or is_another("speed", name) or (weight < 0.5 and forward < 0.9):
             continue
         links = [(*relation(g.mean_speed, np.abs(grid.mean[name])), g) for g in grounds if name not in g.name]
         k, share, ground = max(links, key=lambda pair: pair[1], default=(0.0, 0.0, None))
-        if any(part > share + NEARER for part, component in components if component == name):
+        margin = NEARER if weight >= 0.5 else 0.0
+        if any(part > share + margin for part, component in components if component == name):
             continue  # a velocity to the north, which is the speed only on straight roads
         if share > LINK and any(abs(log(abs(k) / FACTORS["m/s"][u])) < UNIT for u in SPEED_UNITS) and k > 0:
             yield weight + 1.5 * share, name, ground, (k, share)
@@ -174,6 +183,8 @@ def _yaw_rates(
     position = ground.name if ground and place[1] else ""
     for name in grid.dot:
         weight = name_weight("r", name)
+        if is_another("r", name):
+            continue
         links: dict[str, tuple[float, float]] = {"position": place} if position else {}
         if name in grid.made or name in grid.period:
             weight = 0.0
