@@ -304,7 +304,9 @@ def both_ways_table(result: Identification) -> Table | None:
             cells += [Cell(number(factor * q.value, 3), "strong"), ends_words(low, high)]
         word = {True: "yes", False: "no", None: "–"}[pair.differs]
         differs = Cell(word, "warn" if pair.differs and not pair.expected else "")
-        rows.append((symbol(pair.forward.name), pair.forward.meaning, *cells, shown, differs))
+        name = pair.forward.name
+        shown_name = name.replace("_", " ") if pair.expected else symbol(name)
+        rows.append((shown_name, pair.forward.meaning, *cells, shown, differs))
     headings = ("", "description", "forward", "90 % interval", "reverse", "90 % interval", "unit", "differs")
     note = (
         "Each way alone, with Cf and Cr free; gain: with the tyres of all runs. The yaw mode differs on a "
