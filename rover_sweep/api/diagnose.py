@@ -107,7 +107,7 @@ class FullDiagnosis(Shown, Diagnosis):
     def save(self, path: Location) -> Path:
         """Write everything, with the recordings, into a .json that `load_diagnosis` reads without loss."""
         from rover_sweep.api.save import dumps
-        from rover_sweep.files.replaced import write_file
+        from rover_sweep.files.documents import write_file
 
         return write_file(Path(path), dumps(self))
 

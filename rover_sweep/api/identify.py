@@ -21,11 +21,10 @@ from rover_sweep.data.results import ByName
 from rover_sweep.data.vehicle_file import Vehicle
 from rover_sweep.data.vehicle_geometry import MODEL_NAMES, geometry_of, tolerances_of
 from rover_sweep.errors import UsageError
-from rover_sweep.identification.acceptance import identified_runs, usable
 from rover_sweep.identification.grouping import FITTED, MODELS, Settings
 from rover_sweep.identification.model_results import PHYSICAL, ModelResult
 from rover_sweep.identification.models import COLUMNS, ROWS
-from rover_sweep.identification.pipeline import Identification
+from rover_sweep.identification.pipeline import Identification, identified_runs, usable
 from rover_sweep.identification.pipeline import identify as run_identification
 from rover_sweep.identification.state_space import OUTPUTS, ModelStructure
 from rover_sweep.report.wording import Provenance, provenance
@@ -215,7 +214,7 @@ class Result(Identification):
     def save(self, path: Location) -> Path:
         """Writes the result and its recordings to a .json that `load_result` reads without loss."""
         from rover_sweep.api.save import dumps
-        from rover_sweep.files.replaced import write_file
+        from rover_sweep.files.documents import write_file
 
         return write_file(Path(path), dumps(self))
 

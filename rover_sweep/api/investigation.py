@@ -34,8 +34,7 @@ from rover_sweep.diagnosis.plans.planner import (
 from rover_sweep.diagnosis.result import Diagnosis, DiagnosisSettings
 from rover_sweep.diagnosis.simulation.experiment import experiment
 from rover_sweep.errors import UsageError
-from rover_sweep.files.documents import read_json
-from rover_sweep.files.replaced import write_file
+from rover_sweep.files.documents import read_json, write_file
 from rover_sweep.investigation.decide import SAME, Means, NextStep, first_run, next_step, told
 from rover_sweep.report.wording import plain, strict_json
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import mmap
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, fields
@@ -103,10 +102,13 @@ def _logs(sources: Sequence[str]) -> list[Path]:
 
 def _mentions(path: Path) -> bool:
     """Whether the log has the applet's message of a throttle sweep; far quicker than reading it."""
-    if path.stat().st_size == 0:
-        return False
-    with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
-        return data.find(b"SWET") >= 0
+    tail = b""
+    with path.open("rb") as file:
+        while block := file.read(1 << 20):
+            if b"SWET" in tail + block:
+                return True
+            tail = block[-3:]
+    return False
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -22,8 +22,7 @@ from rover_sweep.data.recording import Recording
 from rover_sweep.data.vehicle_file import parse
 from rover_sweep.data.vehicle_geometry import geometry_of
 from rover_sweep.errors import DataRefused, RoverSweepError, UsageError, missing_extra
-from rover_sweep.files.documents import read_json, read_toml
-from rover_sweep.files.replaced import write_file
+from rover_sweep.files.documents import read_json, read_toml, write_file
 from rover_sweep.logs.applet import identity
 from rover_sweep.logs.log import Log
 from rover_sweep.logs.read import read_logs, recorded_day, runs_of

@@ -21,8 +21,7 @@ from rover_sweep.batch.measured_logs import Progress, VehicleFiles, finished, lo
 from rover_sweep.data.vehicle_file import parse
 from rover_sweep.data.vehicle_geometry import geometry_of
 from rover_sweep.errors import RoverSweepError
-from rover_sweep.files.documents import read_json
-from rover_sweep.files.replaced import write_file
+from rover_sweep.files.documents import read_json, write_file
 from rover_sweep.report.diagnosis.report import write_diagnosis
 from rover_sweep.report.in_html import in_html
 from rover_sweep.report.season_report import page_names, vehicle_report

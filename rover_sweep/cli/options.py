@@ -323,7 +323,7 @@ def write_text(output: str, text: str, report: str = "written") -> None:
     if output == "-":
         echo(text, nl=False)
         return
-    from rover_sweep.files.replaced import write_file
+    from rover_sweep.files.documents import write_file
 
     refuse_no_folder(output)
     write_file(Path(output), text)
@@ -365,7 +365,7 @@ def session_folder(given: str | None, name: str, also: tuple[str, ...] = ()) -> 
     also: glob patterns of further files that must not exist. UsageError if the given folder contains a
     session, or is not writable.
     """
-    from rover_sweep.files.replaced import numbered
+    from rover_sweep.files.documents import numbered
 
     if given is None:
         folder = next(p for p in numbered(Path(name)) if not p.exists())

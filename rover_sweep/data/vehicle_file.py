@@ -26,8 +26,7 @@ from rover_sweep.data.vehicle_rules import (
     unknown_keys,
 )
 from rover_sweep.errors import UsageError
-from rover_sweep.files.documents import read_toml, toml_hint
-from rover_sweep.files.replaced import write_file
+from rover_sweep.files.documents import read_toml, toml_hint, write_file
 
 Model = Literal["bicycle", "roll-yaw", "lumped"]
 

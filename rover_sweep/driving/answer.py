@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from math import pi, sqrt
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
+from scipy.stats import chi2
 
 from rover_sweep.data.geometry import GRAVITY, Geometry
 from rover_sweep.data.recording import Array, Signal
 from rover_sweep.data.results import ByName, Quantity, ShortTable, Shown, ends_words, number, plain_number
-from rover_sweep.driving.agreement import disagreeing
 from rover_sweep.driving.fit import OF_SPEED, DrivingFit, fit_driving, precision_with, reached, tyre_time
 from rover_sweep.driving.stretches import RATE, DrivenPart, Driving, usable_driving
 from rover_sweep.driving.tyres import tyre_stiffnesses
@@ -161,43 +161,60 @@ def _numbers(
     fit: DrivingFit, driving: Driving, speeds: tuple[float, float, float], wheelbase: float | None
 ) -> tuple[ByName[Quantity], tuple[str, ...]]:
     """The quantities that are shown, and sentences on those that are not."""
-    out, unknown = [], []
-    gain, v = fit["gain"], speeds[1]
+    late, unsure = _lateness(fit, speeds[1])
+    handling, open_question = _handling(fit, speeds, wheelbase)
+    shown = (
+        *_steering(fit, driving, speeds[1], wheelbase),
+        *_sides(fit, driving.unit),
+        *_steering_curve(fit, driving.unit),
+        *late,
+        *handling,
+        *_bend(fit, driving),
+    )
+    return ByName(shown), (*unsure, *open_question)
 
-    def add(
-        name: str, unit: str, value: float, slopes: dict[str, float], meaning: str, least: float = -np.inf
-    ) -> None:
-        low, high = fit.interval(slopes, value)
-        out.append(Quantity(name, unit, value, max(low, least), max(high, least), meaning))
 
+def _quantity(
+    fit: DrivingFit,
+    name: str,
+    unit: str,
+    value: float,
+    slopes: dict[str, float],
+    meaning: str,
+    least: float = -np.inf,
+) -> Quantity:
+    """A number with the interval of these slopes {parameter: derivative}, at least `least`."""
+    low, high = fit.interval(slopes, value)
+    return Quantity(name, unit, value, max(low, least), max(high, least), meaning)
+
+
+def _decided(fit: DrivingFit, name: str) -> bool:
+    """Whether the interval of a share leaves out 0, and the share is visible."""
+    low, high = fit.interval({name: 1.0}, fit[name])
+    return (low > 0 or high < 0) and abs(fit[name]) > VISIBLE
+
+
+def _steering(fit: DrivingFit, driving: Driving, speed: float, wheelbase: float | None) -> Iterator[Quantity]:
+    """What the path curves for the steering, straight ahead, ratio and tightest turn."""
+    gain = fit["gain"]
+    at = f", at {speed:.1f} m/s" if "understeer" in fit.held else ""
     in_us = driving.unit == "us"
-    at = f", at {v:.1f} m/s" if "understeer" in fit.held else ""
     if in_us:
         turns = "left" if gain > 0 else "right"
         words = f"curvature of the path for each 100 us{at}; a larger output turns {turns}"
-        add("curvature", "1/m per 100 us", 100 * abs(gain), {"gain": 100.0}, words)
-        add(
-            "straight", "us", fit["straight"], {"straight": 1.0}, "steering output that drives straight ahead"
-        )
+        yield _quantity(fit, "curvature", "1/m per 100 us", 100 * abs(gain), {"gain": 100.0}, words)
     else:
-        add(
-            "wheelbase_seen",
-            "m",
-            1 / abs(gain),
-            {"gain": 1 / gain**2},
-            f"speed times steering angle over yaw rate{at}; the wheelbase where the angle is right",
-        )
-        add(
-            "straight", "rad", fit["straight"], {"straight": 1.0}, "steering angle that drives straight ahead"
-        )
-    if wheelbase:
-        if in_us:
-            words = "road-wheel angle for each us"
-            add("rad_per_us", "rad/us", abs(gain) * wheelbase, {"gain": wheelbase}, words)
-        else:
-            ratio = 1 / (abs(gain) * wheelbase)
-            words = "recorded steering angle over the wheels' angle: 1 where it is the wheels' own"
-            add("steering_ratio", "-", ratio, {"gain": ratio / gain}, words)
+        words = f"speed times steering angle over yaw rate{at}; the wheelbase where the angle is right"
+        yield _quantity(fit, "wheelbase_seen", "m", 1 / abs(gain), {"gain": 1 / gain**2}, words)
+    words = f"steering {'output' if in_us else 'angle'} that drives straight ahead"
+    yield _quantity(fit, "straight", driving.unit, fit["straight"], {"straight": 1.0}, words)
+    if wheelbase and in_us:
+        words = "road-wheel angle for each us"
+        yield _quantity(fit, "rad_per_us", "rad/us", abs(gain) * wheelbase, {"gain": wheelbase}, words)
+    elif wheelbase:
+        ratio = 1 / (abs(gain) * wheelbase)
+        words = "recorded steering angle over the wheels' angle: 1 where it is the wheels' own"
+        yield _quantity(fit, "steering_ratio", "-", ratio, {"gain": ratio / gain}, words)
     if in_us and driving.limits:
         x = np.array(driving.limits) - fit["straight"]
         share = reached(x, fit.amplitude)
@@ -206,91 +223,90 @@ def _numbers(
         least = float(1 / np.abs(gain * x * bent)[end])
         slopes = {"gain": least / gain, "side": least / bent[end], "curve": least * share[end] / bent[end]}
         words = "radius of the tightest turn that the servo's ends allow"
-        add("least_radius", "m", least, slopes, words)
-    low, high = fit.interval({"side": 1.0}, fit["side"])
-    if (low > 0 or high < 0) and abs(fit["side"]) > VISIBLE:
-        for side, sign in (("left", np.sign(gain)), ("right", -np.sign(gain))):
-            there = 1 + sign * fit["side"]
-            slopes = {"gain": there, "side": sign * gain}
-            if in_us:
-                value, scale, name, unit = (
-                    100 * abs(gain) * there,
-                    100.0,
-                    f"curvature_{side}",
-                    "1/m per 100 us",
-                )
-            else:
-                value = 1 / (abs(gain) * there)
-                scale, name, unit = value**2, f"wheelbase_seen_{side}", "m"
-            slopes = {n: scale * slope for n, slope in slopes.items()}
-            add(name, unit, value, slopes, f"the same in turns to the {side}")
-    low, high = fit.interval({"curve": 1.0}, fit["curve"])
-    if (low > 0 or high < 0) and abs(fit["curve"]) > VISIBLE:
-        far = f"{number(fit.amplitude, 3)} {driving.unit}"
+        yield _quantity(fit, "least_radius", "m", least, slopes, words)
+
+
+def _sides(fit: DrivingFit, unit: str) -> Iterator[Quantity]:
+    """The gain to each side, where they differ."""
+    if not _decided(fit, "side"):
+        return
+    gain = fit["gain"]
+    for side, sign in (("left", np.sign(gain)), ("right", -np.sign(gain))):
+        there = 1 + sign * fit["side"]
+        name, per, value, scale = f"curvature_{side}", "1/m per 100 us", 100 * abs(gain) * there, 100.0
+        if unit != "us":
+            value = 1 / (abs(gain) * there)
+            name, per, scale = f"wheelbase_seen_{side}", "m", value**2
+        slopes = {"gain": scale * there, "side": scale * sign * gain}
+        yield _quantity(fit, name, per, value, slopes, f"the same in turns to the {side}")
+
+
+def _steering_curve(fit: DrivingFit, unit: str) -> Iterator[Quantity]:
+    """How the steering saturates or grows, where it does."""
+    if _decided(fit, "curve"):
+        far = f"{number(fit.amplitude, 3)} {unit}"
         words = (
             f"how much more than in proportion the steering turns {far} from straight; below 0: it saturates"
         )
-        add("steering_curve", "%", 100 * fit["curve"], {"curve": 100.0}, words)
-    k, tyres = fit["understeer"], tyre_time(fit["tyre_lag"], fit["understeer"], np.array([v]))[0]
-    softer = tyre_time(fit["tyre_lag"], k + 1e-6, np.array([v]))[0]
-    per = v if not fit["tyre_lag"] else tyres / fit["tyre_lag"]
-    lag = {"lag": 1.0, "tyre_lag": per, "understeer": 1e6 * (softer - tyres)}
-    add("delay", "s", fit["delay"], {"delay": 1.0}, "pure delay from the output to the turn", 0.0)
-    words = f"time constant with which the turn follows at {v:.1f} m/s"
-    add("lag", "s", fit["lag"] + tyres, lag, words, 0.0)
-    whole = fit["delay"] + out[-1].value
-    add("response_time", "s", whole, {"delay": 1.0, **lag}, "delay and lag together", 0.0)
-    late = out[-1]
-    if late.low is not None and late.high is not None and late.high - late.low > 2 * KNOWN * late.value:
-        del out[-3:]
-        ends = f"{1000 * late.low:.0f} to {1000 * late.high:.0f} ms"
-        unknown.append(
-            f"How late the turn follows: only {ends} is certain. Steer left and right more quickly"
-        )
+        yield _quantity(fit, "steering_curve", "%", 100 * fit["curve"], {"curve": 100.0}, words)
+
+
+def _lateness(fit: DrivingFit, speed: float) -> tuple[tuple[Quantity, ...], tuple[str, ...]]:
+    """(delay, lag and their sum at a speed [m/s], ()); ((), why) where they are not certain enough."""
+    k = fit["understeer"]
+    at = np.array([speed])
+    tyres, softer = (float(tyre_time(fit["tyre_lag"], x, at)[0]) for x in (k, k + 1e-6))
+    per = tyres / fit["tyre_lag"] if fit["tyre_lag"] else speed
+    slopes = {"lag": 1.0, "tyre_lag": per, "understeer": 1e6 * (softer - tyres)}
+    lag = fit["lag"] + tyres
+    words = f"time constant with which the turn follows at {speed:.1f} m/s"
+    both = {"delay": 1.0, **slopes}
+    found = (
+        _quantity(
+            fit, "delay", "s", fit["delay"], {"delay": 1.0}, "pure delay from the output to the turn", 0.0
+        ),
+        _quantity(fit, "lag", "s", lag, slopes, words, 0.0),
+        _quantity(fit, "response_time", "s", fit["delay"] + lag, both, "delay and lag together", 0.0),
+    )
+    low, high = found[-1].interval_90 or (0.0, np.inf)
+    if high - low <= 2 * KNOWN * found[-1].value:
+        return found, ()
+    ends = f"{1000 * low:.0f} to {1000 * high:.0f} ms"
+    return (), (f"How late the turn follows: only {ends} is certain. Steer left and right more quickly",)
+
+
+def _handling(
+    fit: DrivingFit, speeds: tuple[float, float, float], wheelbase: float | None
+) -> tuple[tuple[Quantity, ...], tuple[str, ...]]:
+    """(understeer, and the speed that it gives, ()); ((), why) where all turns had one speed [m/s]."""
     if "understeer" in fit.held:
-        unknown.append(
+        return (), (
             f"Under- or oversteer: all turns were driven at {speeds[0]:.1f} to {speeds[2]:.1f} m/s. Drive "
-            f"turns at two speeds, such as {speeds[1] / 1.5:.1f} and {speeds[1] * 1.5:.1f} m/s"
+            f"turns at two speeds, such as {speeds[1] / 1.5:.1f} and {speeds[1] * 1.5:.1f} m/s",
         )
-    else:
-        low, high = fit.interval({"understeer": 1.0}, fit["understeer"])
-        if wheelbase:
-            per = wheelbase * DEG_PER_G
-            add(
-                "understeer_gradient",
-                "deg/g",
-                per * fit["understeer"],
-                {"understeer": per},
-                "K_us, above 0: understeer",
-            )
-        else:
-            add(
-                "understeer",
-                "s^2/m^2",
-                fit["understeer"],
-                {"understeer": 1.0},
-                "K_us over the wheelbase, above 0: understeer",
-            )
-        if (low > 0 or high < 0) and speeds[2] > abs(fit["understeer"]) ** -0.5 / EXTRAPOLATED:
-            k = fit["understeer"]
-            name = "characteristic_speed" if k > 0 else "critical_speed"
-            words = "highest yaw rate for the steering" if k > 0 else "unstable beyond"
-            add(name, "m/s", 1 / sqrt(abs(k)), {"understeer": 0.5 * abs(k) ** -1.5}, words, 0.0)
+    k = fit["understeer"]
+    name, unit, per, words = "understeer", "s^2/m^2", 1.0, "K_us over the wheelbase, above 0: understeer"
+    if wheelbase:
+        name, unit, per = "understeer_gradient", "deg/g", wheelbase * DEG_PER_G
+        words = "K_us, above 0: understeer"
+    found = [_quantity(fit, name, unit, per * k, {"understeer": per}, words)]
+    low, high = fit.interval({"understeer": 1.0}, k)
+    if (low > 0 or high < 0) and speeds[2] > abs(k) ** -0.5 / EXTRAPOLATED:
+        name = "characteristic_speed" if k > 0 else "critical_speed"
+        words = "highest yaw rate for the steering" if k > 0 else "unstable beyond"
+        slopes = {"understeer": 0.5 * abs(k) ** -1.5}
+        found.append(_quantity(fit, name, "m/s", 1 / sqrt(abs(k)), slopes, words, 0.0))
+    return tuple(found), ()
+
+
+def _bend(fit: DrivingFit, driving: Driving) -> Iterator[Quantity]:
+    """How much less the rover turns in hard turns, where it was driven hard enough."""
     bend = round(fit["bend"] * HARD_TURN**2, 4)
     low, high = fit.interval({"bend": 100 * HARD_TURN**2}, 100 * bend)
     hardest = max(float(np.percentile(np.abs(s.v * s.r), 99)) for s in driving.stretches)
     if high < 50 and hardest > HARD_TURN / EXTRAPOLATED:
-        out.append(
-            Quantity(
-                "bend",
-                "%",
-                100 * bend,
-                max(low, 0.0),
-                max(high, 0.0),
-                f"how much less the rover turns for its steering at {HARD_TURN:g} m/s^2 than in gentle turns",
-            )
-        )
-    return ByName(out), tuple(unknown)
+        words = f"how much less the rover turns for its steering at {HARD_TURN:g} m/s^2 than in gentle turns"
+        yield Quantity("bend", "%", 100 * bend, max(low, 0.0), max(high, 0.0), words)
 
 
 def _weighted(x: Array, weights: Array) -> tuple[float, float, float]:
@@ -330,3 +346,52 @@ def _after_sweep(
     better = precision_with(fit, driving.stretches, driving.known, of_sweep)
     numbers, _ = _numbers(better, driving, speeds, wheelbase)
     return tuple((q.name, (q.high - q.low) / 2) for q in numbers if q.low is not None and q.high is not None)
+
+
+# Whether several logs agree.
+
+
+CHANCE = 0.001  # of numbers that are said to disagree and do not
+HALF_90 = 1.645  # standard deviations in half a 90 % interval
+ALIKE = 1.2  # ratio of speeds up to which response times are compared
+
+
+class Matters(NamedTuple):
+    """The smallest difference of a number that is said: in its unit, and as a share of it."""
+
+    least: float
+    share: float
+
+
+COMPARED = {
+    "straight": Matters(0.0, 0.0),  # see LEAST_STRAIGHT
+    "curvature": Matters(0.0, 0.05),
+    "wheelbase_seen": Matters(0.0, 0.05),
+    "response_time": Matters(0.02, 0.1),
+}
+LEAST_STRAIGHT = {"us": 5.0, "rad": 0.005}
+
+
+def disagreeing(logs: Sequence[tuple[ByName[Quantity], float]]) -> tuple[str, ...]:
+    """Names of the numbers that differ between the logs by more than their intervals, and by what matters.
+
+    logs: the numbers of each, and the speed of its turns [m/s], on which the response time depends. Of a
+    number in k logs, the squared differences from the weighted mean in standard deviations add up to chi
+    squared with k - 1 degrees of freedom.
+    """
+    found = []
+    speeds = [speed for _, speed in logs]
+    alike = max(speeds, default=0.0) < ALIKE * min(speeds, default=0.0)
+    for name, matters in COMPARED.items():
+        known = [numbers[name] for numbers, _ in logs if name in numbers]
+        ends = [q.interval_90 or (-np.inf, np.inf) for q in known]
+        if len(known) < 2 or (name == "response_time" and not alike):
+            continue
+        value = np.array([q.value for q in known])
+        weight = np.square(2 * HALF_90 / np.maximum(np.diff(ends)[:, 0], 1e-9))
+        mean = float(weight @ value / weight.sum())
+        squares = float(weight @ np.square(value - mean))
+        least = LEAST_STRAIGHT[known[0].unit] if name == "straight" else matters.least
+        if np.ptp(value) > least + matters.share * abs(mean) and chi2.sf(squares, len(known) - 1) < CHANCE:
+            found.append(name)
+    return tuple(found)

@@ -13,12 +13,20 @@ from threadpoolctl import threadpool_limits
 
 from rover_sweep.data.geometry import Geometry
 from rover_sweep.data.plausibility import implausible
-from rover_sweep.data.recording import Recording
+from rover_sweep.data.recording import LowPass, Recording
 from rover_sweep.data.results import ByName, PlainNumbers, Quantity, ShortTable, Shown, band_words, number
 from rover_sweep.data.vehicle_file import Vehicle
 from rover_sweep.identification.bootstrap import with_intervals
 from rover_sweep.identification.both_ways import BothWays, both_ways, ways_compared
-from rover_sweep.identification.fit import Condition, FitResult, costs, drawn_starts, fit, has_zero_response
+from rover_sweep.identification.fit import (
+    Condition,
+    Estimate,
+    FitResult,
+    costs,
+    drawn_starts,
+    fit,
+    has_zero_response,
+)
 from rover_sweep.identification.grouping import MODELS, Group, Settings, grouped
 from rover_sweep.identification.handling import Handling, gain_error, handling, has_handling
 from rover_sweep.identification.model_results import (
@@ -387,3 +395,60 @@ def _fitted(
         except NotPossible as reason:
             refused[name] = str(reason)
     return models, refused
+
+
+# Which runs and models the answer rests on.
+
+
+ORDER = ("kinematic", "bicycle", "roll-yaw", "lumped")
+TITLES = {"kinematic": "Kinematic", "bicycle": "Bicycle", "roll-yaw": "Roll-yaw", "lumped": "Lumped"}
+
+
+def ordered(result: Identification) -> dict[str, ModelResult]:
+    """The models, ordered from simple to complex; a user's own structures last."""
+    known = [n for n in ORDER if n in result.models]
+    return {n: result.models[n] for n in [*known, *(n for n in result.models if n not in ORDER)]}
+
+
+def rejection(result: Identification, name: str) -> str | None:
+    """Why the free parameters of a model are not valid: the kinematic model suffices. None if they are valid.
+
+    The fit still returns numbers in that case, but a stiffness that the data cannot distinguish from
+    infinity is only fitted noise, and must not be shown as a result.
+    """
+    if name == "kinematic" or result.models[name].verdict.level != "not identifiable":
+        return None
+    return tyres_not_identifiable(result.models)
+
+
+def usable(result: Identification) -> dict[str, ModelResult]:
+    """The models with valid numbers, from simple to complex."""
+    return {n: m for n, m in ordered(result).items() if rejection(result, n) is None}
+
+
+def identified_runs(result: Identification) -> tuple[Recording, ...]:
+    """The runs of all groups, used in the fit."""
+    return tuple(run for group in result.groups for run in group.runs)
+
+
+def judged_runs(result: Identification) -> tuple[tuple[Recording, CoherenceVerdict | None], ...]:
+    """Each run of the groups with its verdict; runs of the same name get the verdicts in order."""
+    left = list(result.coherence)
+    out = []
+    for run in identified_runs(result):
+        verdict = next((v for v in left if v.run == run.name), None)
+        if verdict:
+            left.remove(verdict)
+        out.append((run, verdict))
+    return tuple(out)
+
+
+def known_filters(result: Identification) -> Mapping[str, LowPass]:
+    """The sensors' low-pass filters included in the models' outputs (of the first group)."""
+    return result.groups[0].runs[0].filters
+
+
+def inertia_of(model: ModelResult) -> Estimate | None:
+    """The identified yaw inertia, None if the model has none or it was not free."""
+    found = [e for e in model.fit.estimates if e.name == "Izz" and e.free]
+    return found[0] if found else None

@@ -21,7 +21,7 @@ from rover_sweep.comparison.answer import (
 from rover_sweep.data.codec import encoded, in_json
 from rover_sweep.data.results import Quantity, ends_words, number
 from rover_sweep.diagnosis.result import TimeHistory
-from rover_sweep.files.replaced import write_file
+from rover_sweep.files.documents import write_file
 from rover_sweep.report.charts.chart import ChartPlan
 from rover_sweep.report.charts.diagnosis_charts import bode_chart, planned_histories
 from rover_sweep.report.diagnosis.tables import mismatch_table

@@ -13,8 +13,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from rover_sweep.data.recording import Signal
-from rover_sweep.files.documents import printable_lines
-from rover_sweep.files.replaced import remove_file, write_file
+from rover_sweep.files.documents import printable_lines, remove_file, write_file
 from rover_sweep.report.charts.chart import kept_points
 from rover_sweep.report.charts.static_svg import (
     ShownChart,

@@ -13,7 +13,7 @@ from typing import Any
 
 from rover_sweep.data.results import ends_words, number
 from rover_sweep.errors import missing_extra
-from rover_sweep.files.replaced import write_file
+from rover_sweep.files.documents import write_file
 from rover_sweep.report.charts.chart import ChartPlan
 from rover_sweep.report.charts.response_charts import season_chart
 from rover_sweep.report.document import (

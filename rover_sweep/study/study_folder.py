@@ -9,7 +9,7 @@ from math import degrees
 from pathlib import Path
 from typing import Any
 
-from rover_sweep.files.replaced import write_file
+from rover_sweep.files.documents import write_file
 from rover_sweep.identification.handling import handling, has_handling
 from rover_sweep.report.charts.chart import ChartPlan
 from rover_sweep.report.charts.response_charts import response_chart, run_chart, verification_chart

@@ -8,11 +8,10 @@ from dataclasses import dataclass, replace
 from rover_sweep.data.geometry import Geometry
 from rover_sweep.data.recording import Recording
 from rover_sweep.data.results import number
-from rover_sweep.identification.acceptance import TITLES
 from rover_sweep.identification.fit import Condition, FitResult, ResponseData, fit
 from rover_sweep.identification.grouping import Group, Settings
 from rover_sweep.identification.models import lumped, roll_yaw
-from rover_sweep.identification.pipeline import Identification, identify
+from rover_sweep.identification.pipeline import TITLES, Identification, identify
 from rover_sweep.identification.state_space import OUTPUTS, ModelStructure
 from rover_sweep.identification.verify import Verification, verify
 from rover_sweep.manoeuvre.sweep import Doublet, Manoeuvre, Sweep

@@ -12,8 +12,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
-from rover_sweep.files.documents import read_json
-from rover_sweep.files.replaced import numbered
+from rover_sweep.files.documents import numbered, read_json
 from rover_sweep.system import own_group, yield_to_others
 from rover_sweep.tui.model.plan_rows import Row, rows_of_plan
 from rover_sweep.tui.model.state import State

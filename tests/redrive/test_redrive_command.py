@@ -97,7 +97,7 @@ def test_the_target_is_written_whole_or_not_at_all(
     def full(*_: object) -> None:
         raise OSError(errno.ENOSPC, "No space left on device")
 
-    monkeypatch.setattr("rover_sweep.files.replaced.os.replace", full)
+    monkeypatch.setattr("rover_sweep.files.documents.os.replace", full)
     assert run(["redrive", str(data / RUN), "--out", str(tmp_path / "again.BIN")]) == 2
     assert "again.BIN cannot be written: No space left on device" in capsys.readouterr().err
     assert not list(tmp_path.iterdir())

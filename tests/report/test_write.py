@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from rover_sweep.errors import UsageError
-from rover_sweep.files.replaced import write_file
+from rover_sweep.files.documents import write_file
 from rover_sweep.report.identification.identification_json import identification_document
 from rover_sweep.report.identification.report import write_report
 

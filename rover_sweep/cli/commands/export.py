@@ -121,7 +121,7 @@ def export(
 
 def _write(output: str, content: str | bytes, what: str) -> None:
     """Write to stdout (text only) or into a file; for a file, `what` is reported on stderr."""
-    from rover_sweep.files.replaced import write_file
+    from rover_sweep.files.documents import write_file
 
     if output == "-":
         click.echo(printable_lines(content) if isinstance(content, str) else content, nl=False)

@@ -159,7 +159,7 @@ def _write(both: AllGains, path: Path, now: str | None) -> str:
 
     now: the file with the present parameters, if there is one.
     """
-    from rover_sweep.files.replaced import write_file
+    from rover_sweep.files.documents import write_file
 
     if not both.text:
         return f"{path} was not written: there are no gains to propose"

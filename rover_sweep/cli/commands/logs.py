@@ -127,7 +127,7 @@ def view(
     The page needs no network and no other file.
     """
     from rover_sweep.cli.views.asking import long_work
-    from rover_sweep.files.replaced import write_file
+    from rover_sweep.files.documents import write_file
     from rover_sweep.logs.read import read_logs
     from rover_sweep.report.in_html import log_page
 

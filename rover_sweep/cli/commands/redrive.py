@@ -100,7 +100,7 @@ def redrive(
 @contextmanager
 def _complete_file(target: Path) -> Iterator[Path]:
     """Yields the path to write; the target then gets the complete file or, with a UsageError, none."""
-    from rover_sweep.files.replaced import write_file
+    from rover_sweep.files.documents import write_file
 
     try:
         with tempfile.TemporaryDirectory() as folder:

@@ -20,7 +20,7 @@ from rover_sweep.cli.views.output import narration
 from rover_sweep.data.vehicle_file import load
 from rover_sweep.diagnosis.result import DiagnosisSettings
 from rover_sweep.errors import UsageError
-from rover_sweep.files.replaced import numbered
+from rover_sweep.files.documents import numbered
 from rover_sweep.manoeuvre.sweep import parameters_of
 from rover_sweep.session.content import SessionRun
 from rover_sweep.session.folder import DESCRIPTION, read_folder

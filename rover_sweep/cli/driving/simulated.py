@@ -21,8 +21,7 @@ from rover_sweep.cli.views.output import narration, results
 from rover_sweep.data.results import number
 from rover_sweep.data.vehicle_file import Vehicle, load
 from rover_sweep.errors import LinkError, UsageError, missing_extra
-from rover_sweep.identification.acceptance import TITLES, usable
-from rover_sweep.identification.pipeline import Identification
+from rover_sweep.identification.pipeline import TITLES, Identification, usable
 from rover_sweep.report.document import Cell, Table
 from rover_sweep.report.export.plant_variant import variant_text
 from rover_sweep.report.wording import change, symbol, unit

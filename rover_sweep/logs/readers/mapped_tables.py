@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from rover_sweep.data.recording import LowPass, Note, Signal
 from rover_sweep.errors import DataRefused
 from rover_sweep.logs.log import Array, Log, increasing, refuse_disorder
+from rover_sweep.logs.readers.column_grid import heading_of, slope
 from rover_sweep.logs.readers.column_map import (
     UNITS,
     Column,
@@ -24,7 +25,6 @@ from rover_sweep.logs.readers.column_map import (
     read_column_map,
 )
 from rover_sweep.logs.readers.guessed_columns import guess_columns
-from rover_sweep.logs.readers.made_signals import heading_of, slope
 from rover_sweep.logs.readers.tables import RecordedTable, TableStream, is_number, read_table, times_in
 
 NEEDED = {"pwm", "delta", "r", "speed"}

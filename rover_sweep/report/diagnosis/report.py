@@ -14,7 +14,7 @@ from rover_sweep.diagnosis.plans.expected_posterior import SimilarPair
 from rover_sweep.diagnosis.plans.planner import NAMES, Plan, PlannedRun
 from rover_sweep.diagnosis.result import Diagnosis, Finding, LawCurve, Unknown
 from rover_sweep.diagnosis.verdict import importance_words
-from rover_sweep.files.replaced import remove_file, write_file
+from rover_sweep.files.documents import remove_file, write_file
 from rover_sweep.report.charts.chart import ChartPlan
 from rover_sweep.report.charts.diagnosis_charts import (
     curves_chart,

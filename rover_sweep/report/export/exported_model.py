@@ -12,8 +12,7 @@ from rover_sweep.data.recording import LowPass
 from rover_sweep.diagnosis.linear import FirstOrderLowPass, hidden_filters, left_out, linear
 from rover_sweep.diagnosis.simulation.augmented import AugmentedModel
 from rover_sweep.identification import models
-from rover_sweep.identification.acceptance import known_filters
-from rover_sweep.identification.pipeline import Identification
+from rover_sweep.identification.pipeline import Identification, known_filters
 from rover_sweep.identification.state_space import Matrices, ModelStructure
 from rover_sweep.identification.toml_form import structure_from_text
 from rover_sweep.report.export.augmented_model_json import augmented_document

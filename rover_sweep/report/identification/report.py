@@ -13,18 +13,19 @@ from pathlib import Path
 
 from rover_sweep.data.recording import Recording
 from rover_sweep.data.results import number
-from rover_sweep.files.replaced import remove_file, write_file
-from rover_sweep.identification.acceptance import (
+from rover_sweep.files.documents import remove_file, write_file
+from rover_sweep.identification.grouping import Group
+from rover_sweep.identification.handling import has_handling
+from rover_sweep.identification.pipeline import (
     TITLES,
+    Identification,
+    ModelResult,
     identified_runs,
     judged_runs,
     ordered,
     rejection,
     usable,
 )
-from rover_sweep.identification.grouping import Group
-from rover_sweep.identification.handling import has_handling
-from rover_sweep.identification.pipeline import Identification, ModelResult
 from rover_sweep.report.charts.chart import ChartPlan
 from rover_sweep.report.charts.response_charts import (
     error_chart,

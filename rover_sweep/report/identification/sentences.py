@@ -8,11 +8,10 @@ from typing import Any
 from rover_sweep.data.recording import Note, Recording, grouped_warnings
 from rover_sweep.data.results import Quantity, number
 from rover_sweep.diagnosis.verdict import NOTABLE
-from rover_sweep.identification.acceptance import TITLES, identified_runs, known_filters, usable
 from rover_sweep.identification.fit import FitResult
 from rover_sweep.identification.handling import UNITS, Handling, warnings
 from rover_sweep.identification.model_results import UNTIED, ModelResult
-from rover_sweep.identification.pipeline import Identification
+from rover_sweep.identification.pipeline import TITLES, Identification, identified_runs, known_filters, usable
 from rover_sweep.identification.verdicts import J_ACCEPTABLE, J_GOOD
 from rover_sweep.report.document import Cell, Cells, Table, table_of
 from rover_sweep.report.identification.tables import IGNORED

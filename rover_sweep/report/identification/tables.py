@@ -7,9 +7,17 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from rover_sweep.data.results import ends_words, number
-from rover_sweep.identification.acceptance import TITLES, inertia_of, judged_runs, ordered, rejection, usable
 from rover_sweep.identification.fit import Estimate, FitResult
-from rover_sweep.identification.pipeline import Identification, ModelResult
+from rover_sweep.identification.pipeline import (
+    TITLES,
+    Identification,
+    ModelResult,
+    inertia_of,
+    judged_runs,
+    ordered,
+    rejection,
+    usable,
+)
 from rover_sweep.identification.state_space import OUTPUTS
 from rover_sweep.identification.verdicts import (
     CR_GUIDE,

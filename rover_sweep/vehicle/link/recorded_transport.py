@@ -16,7 +16,7 @@ from typing import Any
 
 from rover_sweep._version import __version__
 from rover_sweep.errors import LinkError, UsageError
-from rover_sweep.files.replaced import numbered
+from rover_sweep.files.documents import numbered
 from rover_sweep.vehicle.link.transport import Line, LiveLine, Transport
 
 # A recorded conversation with a vehicle: everything sent and received, in order, with times.
