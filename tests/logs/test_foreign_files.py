@@ -19,7 +19,7 @@ from rover_sweep.cli.main import cli
 from rover_sweep.data.recording import Array
 from rover_sweep.errors import DataRefused, UsageError
 from rover_sweep.logs.read import read_logs
-from rover_sweep.logs.readers.guessed_columns import ColumnGuess, guess_columns
+from rover_sweep.logs.readers.guessed_columns import ColumnGuess, FoundColumn, guess_columns
 from rover_sweep.logs.readers.tables import read_table, seconds_of
 
 LENGTH, WHEELBASE, BEGAN = 60.0, 0.33, 1_650_000_000.0  # s, m, s since 1970
@@ -352,6 +352,47 @@ def test_a_damaged_file_is_refused(name: str, tmp_path: Path) -> None:
     (tmp_path / name).write_bytes(b"not what its name says" * 9)
     with pytest.raises((DataRefused, UsageError)):
         read_logs(str(tmp_path / name))
+
+
+def as_a_spreadsheet_writes(folder: Path, encoding: str, preamble: str = "") -> Path:
+    """Semicolons, a comma as decimal sign, German names, deg and km/h."""
+    d = drive()
+    columns = (d["t"], np.rad2deg(d["delta"]), 3.6 * d["v"], np.rad2deg(d["r"]))
+    head = "Zeit;Lenkwinkel [°];Geschwindigkeit [km/h];Gierrate [°/s]"
+    rows = (";".join(f"{x:.4f}" for x in row).replace(".", ",") for row in zip(*columns, strict=True))
+    path = folder / "fahrt.csv"
+    path.write_text(preamble + "\n".join([head, *rows]), encoding=encoding)
+    return path
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "cp1252", "utf-16"])
+def test_what_a_german_spreadsheet_writes_is_read(encoding: str, tmp_path: Path) -> None:
+    found = guessed(as_a_spreadsheet_writes(tmp_path, encoding))
+    assert found.map["speed"] == {"column": "Geschwindigkeit [km/h]", "unit": "km/h"}
+    assert found.map["r"] == {"column": "Gierrate [°/s]", "unit": "deg/s"}
+    assert found.map["delta"] == {"column": "Lenkwinkel [°]", "unit": "deg"}
+    assert 'unit = "km/h"' in found.text() and "°" in found.text()
+    (log,) = read_logs(str(tmp_path / "fahrt.csv"))
+    assert log.signals["r"].x == pytest.approx(drive()["r"], abs=1e-4)
+
+
+def test_text_above_the_names_of_the_columns_is_passed_over(tmp_path: Path) -> None:
+    path = as_a_spreadsheet_writes(tmp_path, "utf-8", "Logger 1.2\nDatum: 3.5.2024, 14:07\n\n")
+    table = read_table([path])
+    assert table.header[0] == "Zeit"
+    assert [note.text for note in table.notes] == ["fahrt.csv: the names of its columns are in line 4"]
+
+
+def test_a_header_that_lacks_a_name_is_still_refused(tmp_path: Path) -> None:
+    path = tmp_path / "drive.csv"
+    path.write_text("t,speed\n" + "".join(f"{n},2.0,0.1,0.2,0.3\n" for n in range(40)))
+    with pytest.raises(DataRefused, match="line 2 has 5 of 2 columns"):
+        read_table([path])
+
+
+def test_a_unit_that_is_not_certain_is_said() -> None:
+    line = FoundColumn("speed", "v", "likely", "unit m/s, not certain", ('speed = {unit = "km/h"}',))
+    assert "; the unit of speed is not certain; to correct them" in ColumnGuess("a.csv", (line,)).sentence()
 
 
 @pytest.mark.parametrize(

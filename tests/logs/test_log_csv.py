@@ -246,7 +246,7 @@ def test_time_may_be_in_microseconds(tmp_path: Path) -> None:
         ("t,delta,r,speed,r\n1,2,3,4,5\n", "has 2 columns r; rename all but one"),
         ("t,delta,r,speed\n0,0.1,x,2\n", "column r is not numeric .'x' in row 1.$"),
         (
-            "t;delta;r;speed\n0;0,1;0,2;2\n",
+            't,delta,r,speed\n0,"0,1",0.2,2\n',
             "column delta is not numeric .'0,1' in row 1.; write decimal points",
         ),
     ],

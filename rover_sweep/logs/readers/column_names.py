@@ -8,6 +8,7 @@ import re
 _PATTERNS: dict[str, tuple[tuple[str, float], ...]] = {
     "time": (
         (r"\b(time|timestamp|stamp|time ?us|time ?s|t|ts|datetime|date|utc)\b", 1.0),
+        (r"\b(zeit|zeitstempel|uhrzeit|datum)\b", 1.0),
         (r"\b(elapsed|clock|epoch|sec|secs|seconds|s)\b", 0.6),
     ),
     "r": (
@@ -15,6 +16,7 @@ _PATTERNS: dict[str, tuple[tuple[str, float], ...]] = {
         (r"\b(gyro?|gyr|omega|ang ?vel|angular velocity|ang|rotation rate|w|av|imu) ?z\b|\b[gw]z\b", 1.0),
         (r"\bz ?(gyro|rate)\b|\bangular (velocity )?(rate )?z\b", 1.0),
         (r"\bvehicle angular velocity xyz 2\b", 1.0),
+        (r"\b(gierrate|gier(winkel)?geschwindigkeit|drehrate)\b", 1.0),
         (r"\bomega\b|\bang(ular)? ?vel(ocity)?\b|\bw imu\b|\bgyro\b|^r$|^w$", 0.8),
         (r"^rate$", 0.5),
     ),
@@ -26,15 +28,17 @@ _PATTERNS: dict[str, tuple[tuple[str, float], ...]] = {
     "psi": (
         (r"\b(yaw|heading|psi|azimuth|hdg|theta)\b(?! ?(rate|vel|speed|dot|acc))", 1.0),
         (r"\bphi ?y\b|\beuler ?z\b|\bcourse\b|\bcog\b|\bphi\b", 0.6),
+        (r"\b(gierwinkel|kurs)\b", 1.0),
     ),
     "speed": (
         (r"\b(speed|velocity|vel|v|spd|vehicle ?speed|ground ?speed)\b(?! ?(y|z|n|e|d)\b)", 0.8),
         (r"\b(v ?x|vel ?x|velocity ?x|linear x|vx|v ?long|longitudinal (speed|velocity))\b", 1.0),
         (r"\bencoder\b|\bgspd\b|\bspd\b|\bwheel speed\b", 0.8),
+        (r"\b(fahr)?geschwindigkeit\b", 1.0),
     ),
     "ay": (
         (r"\b(a|acc|accel|acceleration|linear acceleration|imu) ?y\b|\by ?(acc|accel)\b", 1.0),
-        (r"\blat(eral)? ?(acc|accel|acceleration|g)\b|\blat g\b|\ba ?lat\b", 1.0),
+        (r"\blat(eral)? ?(acc|accel|acceleration|g)\b|\blat g\b|\ba ?lat\b|\bquerbeschleunigung\b", 1.0),
     ),
     "ax": (
         (r"\b(a|acc|accel|acceleration|linear acceleration) ?x\b|\bx ?(acc|accel)\b", 1.0),
@@ -44,6 +48,7 @@ _PATTERNS: dict[str, tuple[tuple[str, float], ...]] = {
     "steering": (
         (r"\bdelta\b|\bsteer(ing)?\b|\bsteering ?angle\b|\bsteer ?angle\b|\broad ?wheel ?angle\b", 1.0),
         (r"\b(swa|hand ?wheel|steering ?wheel|servo|wheel ?angle|c ?1|ch ?1|rudder)\b", 0.8),
+        (r"\blenk(ung|winkel|radwinkel|einschlag)?\b", 1.0),
         (r"\bactuator (servos|controls 0) control [02]\b|\bangular z\b|\bsteer\w*\b", 0.5),
     ),
     "other": (
@@ -66,7 +71,7 @@ _NOT = {
     "r": re.compile(r"\b(acc\w*|err\w*|cov\w*|mag\w*|vel encoder)\b"),
 }
 UNIT_WORDS: dict[str, str] = {  # in brackets or as the last word of a name: the unit
-    **dict.fromkeys(("degps", "dps", "deg s", "degrees s", "degs", "deg sec", "deg per s"), "deg/s"),
+    **dict.fromkeys(("degps", "dps", "deg s", "degrees s", "degs", "deg sec", "deg per s", "° s"), "deg/s"),
     **dict.fromkeys(("radps", "rad s", "rads", "rad sec"), "rad/s"),
     **dict.fromkeys(("deg", "degree", "degrees", "°"), "deg"),
     **dict.fromkeys(("rad", "radian", "radians"), "rad"),

@@ -86,9 +86,11 @@ class ColumnGuess:
     def sentence(self) -> str:
         """What was taken for what, and how to correct it."""
         taken = ", ".join(f"{k} = {_toml(v)}" for k, v in self.map.items())
+        unsure = [line.channel for line in self.found if line.channel in ("r", "speed") and line.also]
+        units = f"; the unit of {' and of '.join(unsure)} is not certain" if unsure else ""
         return (
-            f"columns of {self.table}, found by their names and values: {taken}; to correct them, write the "
-            f"map with `rover-sweep columns`, and give it with --columns"
+            f"columns of {self.table}, found by their names and values: {taken}{units}; to correct them, "
+            f"write the map with `rover-sweep columns`, and give it with --columns"
         )
 
     def text(self) -> str:
@@ -99,7 +101,9 @@ class ColumnGuess:
 def _toml(value: Any) -> str:
     if isinstance(value, Mapping):
         return "{" + ", ".join(f"{k} = {_toml(v)}" for k, v in value.items()) + "}"
-    return "[" + ", ".join(map(_toml, value)) + "]" if isinstance(value, list) else json.dumps(value)
+    if isinstance(value, list):
+        return "[" + ", ".join(map(_toml, value)) + "]"
+    return json.dumps(value, ensure_ascii=False)
 
 
 def guess_columns(table: RecordedTable) -> ColumnGuess:

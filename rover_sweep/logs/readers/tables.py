@@ -126,22 +126,17 @@ def _library(name: str, what: str) -> Any:
 
 
 def _csv(path: Path, notes: list[Note]) -> Iterator[TableStream]:
-    """Rows separated by comma, semicolon or tab. Columns of a file without a header are column 1, 2, ..."""
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-    except UnicodeDecodeError as error:
-        raise DataRefused(f"{path.name} is not a text file: {error.reason} at byte {error.start}") from error
-    lines = text.splitlines()
-    first = lines[0] if lines else ""
+    """Rows separated by comma, semicolon or tab, also with a comma as decimal sign and with text above them.
+
+    Columns of a file without a header are column 1, 2, ...
+    """
+    lines = _text(path).splitlines()
+    skipped, delimiter = _layout(lines)
+    first = lines[skipped] if lines else ""
     if not first.strip():
         raise DataRefused(f"{path.name} is empty: its first line must name the columns")
-    skipped = 0
-    delimiter = max(",;\t", key=first.count)
-    while first.startswith("#") and skipped + 1 < len(lines):  # a comment, not the header
-        following = max(",;\t", key=lines[skipped + 1].count)
-        if lines[skipped + 1].count(following) <= first.count(following):
-            break
-        skipped, first, delimiter = skipped + 1, lines[skipped + 1], following
+    if skipped and not first.startswith("#"):
+        notes.append(Note("info", f"{path.name}: the names of its columns are in line {skipped + 1}"))
     try:
         header, *rows = list(csv.reader(lines[skipped:], delimiter=delimiter, strict=True))
     except csv.Error as error:  # after an open quote the rest of the file is one cell
@@ -154,6 +149,8 @@ def _csv(path: Path, notes: list[Note]) -> Iterator[TableStream]:
     if short is not None:
         raise DataRefused(f"{path.name}: line {short[0]} has {short[1]} of {len(header)} columns")
     rows = [row for _, row in numbered]
+    if delimiter != ",":
+        rows = [[cell.replace(",", ".") if _DECIMAL_COMMA(cell) else cell for cell in row] for row in rows]
     if all(is_value(name) for name in header) and any(header):
         rows = [header, *rows]
         header = [f"column {n}" for n in range(1, len(header) + 1)]
@@ -164,6 +161,44 @@ def _csv(path: Path, notes: list[Note]) -> Iterator[TableStream]:
     if not rows:
         raise DataRefused(f"{path.name} has a header but no rows")
     yield TableStream(tuple(header), tuple([row[i] for row in rows] for i in range(len(header))))
+
+
+_DECIMAL_COMMA = re.compile(r"\s*[-+]?\d*,\d+(?:[eE][-+]?\d+)?\s*").fullmatch
+PREAMBLE = 50  # lines at most above the names of the columns
+
+
+def _text(path: Path) -> str:
+    """The text of a file in UTF-8, in UTF-16 as of Excel, or in the character set of western Windows."""
+    content = path.read_bytes()
+    try:
+        if content.startswith((b"\xff\xfe", b"\xfe\xff")):
+            return content.decode("utf-16")
+        return content.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        text = content.decode("cp1252", errors="replace")
+        if "\ufffd" not in text and all(sign.isprintable() or sign.isspace() for sign in set(text)):
+            return text
+        raise DataRefused(f"{path.name} is not a text file: {error.reason} at byte {error.start}") from error
+
+
+def _layout(lines: Sequence[str]) -> tuple[int, str]:
+    """(index of the line with the names of the columns, delimiter); above it are comments and text."""
+    sample = [line for line in lines[: 2 * PREAMBLE] if line.strip()]
+    width, delimiter = 0, ","
+    for sign in ";\t,":  # a comma may be the decimal sign between semicolons or tabs
+        widths = [line.count(sign) for line in sample]
+        if width := max(widths, key=widths.count, default=0):
+            delimiter = sign
+            break
+    at = 0
+    while at + 1 < len(lines) and lines[at].startswith("#"):
+        if lines[at + 1].count(delimiter) <= lines[at].count(delimiter):
+            break
+        at += 1
+    below = next((n for n in range(at, min(PREAMBLE, len(lines))) if lines[n].count(delimiter) == width), at)
+    text = all(2 * line.count(delimiter) <= width for line in lines[at:below])
+    names = width and not any(map(is_value, lines[below].split(delimiter)))
+    return (below if text and names else at), delimiter
 
 
 def _floats(cells: list[str]) -> Array | None:
