@@ -96,7 +96,7 @@ def read_logs(
     raise UsageError(f"{path.name}: {path.suffix or 'no extension'} cannot be read; give {READ}")
 
 
-READ = "a .BIN, .tlog, .csv, .parquet, .mat, .ulg, .bag, .db3 or .mcap"
+READ = "a .BIN, .tlog, .csv, .tsv, .txt, .parquet, .mat, .ulg, .bag, .db3 or .mcap"
 
 
 def _pair(

@@ -19,6 +19,7 @@ from rover_sweep.cli.main import cli
 from rover_sweep.data.recording import Array
 from rover_sweep.errors import DataRefused, UsageError
 from rover_sweep.logs.read import read_logs
+from rover_sweep.logs.readers.column_names import is_commanded
 from rover_sweep.logs.readers.guessed_columns import ColumnGuess, FoundColumn, guess_columns
 from rover_sweep.logs.readers.tables import read_table, seconds_of
 
@@ -393,6 +394,54 @@ def test_a_header_that_lacks_a_name_is_still_refused(tmp_path: Path) -> None:
 def test_a_unit_that_is_not_certain_is_said() -> None:
     line = FoundColumn("speed", "v", "likely", "unit m/s, not certain", ('speed = {unit = "km/h"}',))
     assert "; the unit of speed is not certain; to correct them" in ColumnGuess("a.csv", (line,)).sentence()
+
+
+def hand_made(**changed: Any) -> dict[str, Any]:
+    d = drive()
+    return {"t": d["t"], "steer": d["delta"] / 0.35, "speed": d["v"], "gz": d["r"]} | changed
+
+
+@pytest.mark.parametrize(
+    ("columns", "words"),
+    [
+        ({name: column[:1] for name, column in hand_made().items()}, "only 1 row; at least 20 are needed"),
+        (hand_made(speed=0 * drive()["v"]), "the vehicle stands still: speed is 0 in all rows"),
+    ],
+)
+def test_what_no_map_can_mend_is_said(columns: dict[str, Any], words: str, tmp_path: Path) -> None:
+    with pytest.raises(DataRefused, match=words):
+        read_logs(str(written(tmp_path / "drive.csv", columns)))
+
+
+def test_two_columns_of_one_name_are_refused(tmp_path: Path) -> None:
+    path = written(tmp_path / "drive.csv", hand_made())
+    path.write_text(path.read_text().replace("speed", "steer", 1))
+    with pytest.raises(DataRefused, match="it has 2 columns steer; rename all but one"):
+        read_logs(str(path))
+
+
+def test_files_of_different_times_are_refused(tmp_path: Path) -> None:
+    d = drive()
+    imu = written(tmp_path / "imu.csv", {"stamp": BEGAN + d["t"], "gz": d["r"]})
+    late = BEGAN + d["t"] + 5000
+    cmd = written(tmp_path / "cmd.csv", {"stamp": late, "steer": d["delta"], "speed": d["v"]})
+    with pytest.raises(DataRefused, match="its parts were recorded at no common time"):
+        read_logs(f"{imu}+{cmd}")
+
+
+def test_a_text_file_of_columns_is_read_and_others_are_refused(tmp_path: Path) -> None:
+    path = written(tmp_path / "drive.txt", hand_made())
+    shown = CliRunner().invoke(cli, ["identify", str(path), "--out", str(tmp_path / "out")])
+    assert shown.exit_code == 0, shown.output
+    assert "delta is no angle in rad" in " ".join(shown.output.split())
+    assert "rover-sweep design" not in shown.output  # it can send sweeps to ArduPilot only
+    other = path.rename(tmp_path / "drive.py")
+    refused = CliRunner().invoke(cli, ["columns", str(other)])
+    assert "drive.py cannot be read; give a .BIN" in str(refused.exception)
+
+
+def test_a_speed_is_no_set_point() -> None:
+    assert is_commanded("speed_sp") and is_commanded("/drive.drive.speed") and not is_commanded("speed")
 
 
 @pytest.mark.parametrize(

@@ -60,9 +60,7 @@ _PATTERNS: dict[str, tuple[tuple[str, float], ...]] = {
     "trial": ((r"^(trial|run|lap|session|experiment|test|segment|episode)( ?(id|number|no|nr))?$", 1.0),),
     "bad": ((r"^(bad|invalid|outlier|reject|leave ?out)$", 1.0),),
 }
-_COMMANDED = re.compile(
-    r"\b(cmd|command|commanded|desired|des|target|ref|reference|set ?point|sp|goal|request)"
-)
+_COMMANDED = re.compile(r"\b(cmd|command|des|target|ref|set ?point|sp\b|goal|request|drive speed|ackermann)")
 _NOT = {
     "steering": re.compile(r"\b(rate|torque|vel|velocity|speed|dot|delta ?delta|d delta|effort|current)\b"),
     "speed": re.compile(

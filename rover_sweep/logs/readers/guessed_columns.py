@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rover_sweep.errors import UsageError
+from rover_sweep.errors import DataRefused, UsageError
 from rover_sweep.logs.log import Array
 from rover_sweep.logs.readers.column_grid import GRID_HZ, ColumnGrid, gridded, relation
 from rover_sweep.logs.readers.column_map import FACTORS
@@ -32,11 +32,12 @@ from rover_sweep.logs.readers.motion_columns import (
     moving_parts,
     yaw_rate_of,
 )
-from rover_sweep.logs.readers.tables import RecordedTable
+from rover_sweep.logs.readers.tables import FEWEST_ROWS, RecordedTable
 
 NAMED = 0.7  # weight of a name that says the role
 LAGS = range(-4, 13)  # steps of the grid from steering to yaw rate
 LENGTHS = 0.1, 4.5  # m, of wheelbases
+RATIO_UNKNOWN = "identify with --wheelbase finds it, as steering_ratio; models need it as scale"
 
 
 @dataclass(frozen=True)
@@ -62,11 +63,15 @@ class FoundColumn:
 
 @dataclass(frozen=True)
 class ColumnGuess:
-    """What was found in a table. missing: what the map needs and was not found."""
+    """What was found in a table. missing: what the map needs and was not found.
+
+    obstacle: what no map can mend, such as too few rows; "" for none.
+    """
 
     table: str
     found: tuple[FoundColumn, ...]
     missing: tuple[str, ...] = ()
+    obstacle: str = ""
 
     @property
     def map(self) -> dict[str, Any]:
@@ -74,7 +79,9 @@ class ColumnGuess:
         return {line.channel: line.entry for line in self.found if line.entry is not None}
 
     def needed_map(self) -> dict[str, Any]:
-        """The column map; UsageError where a needed column was not found."""
+        """The column map; UsageError where a needed column was not found, DataRefused where none can be."""
+        if self.missing and self.obstacle:
+            raise DataRefused(f"{self.table}: {self.obstacle}")
         if self.missing:
             raise UsageError(
                 f"{self.table} needs a column map: no column was found for {', '.join(self.missing)}; write "
@@ -88,6 +95,8 @@ class ColumnGuess:
         taken = ", ".join(f"{k} = {_toml(v)}" for k, v in self.map.items())
         unsure = [line.channel for line in self.found if line.channel in ("r", "speed") and line.also]
         units = f"; the unit of {' and of '.join(unsure)} is not certain" if unsure else ""
+        no_angle = any(line.channel == "delta" and RATIO_UNKNOWN in line.reason for line in self.found)
+        units += "; delta is no angle in rad: read its rad as the unit of the column" if no_angle else ""
         return (
             f"columns of {self.table}, found by their names and values: {taken}{units}; to correct them, "
             f"write the map with `rover-sweep columns`, and give it with --columns"
@@ -127,7 +136,28 @@ def guess_columns(table: RecordedTable) -> ColumnGuess:
     if not clock.entry and any(s.time is None for s in table.streams):
         missing.insert(0, "time")
     first = [] if clock.entry is None and clock.certainty == "certain" else [clock]
-    return ColumnGuess(table.name, (*first, *found, *_mark_lines(table, grid)), tuple(missing))
+    return ColumnGuess(
+        table.name, (*first, *found, *_mark_lines(table, grid)), tuple(missing), _obstacle(table, grid)
+    )
+
+
+def _obstacle(table: RecordedTable, grid: ColumnGrid) -> str:
+    """What must change in the files before their columns can be found, "" for nothing."""
+    longest = max(len(stream) for stream in table.streams)
+    if longest < FEWEST_ROWS:
+        return f"it has only {longest} {'row' if longest == 1 else 'rows'}; at least {FEWEST_ROWS} are needed"
+    twice = [name for name in table.header if table.header.count(name) > 1]
+    if twice:
+        return f"it has {table.header.count(twice[0])} columns {twice[0]}; rename all but one"
+    known = [c.time[np.isfinite(c.time)] for c in grid.clocks.values()]
+    if len(known) > 1 and max(t[0] for t in known) >= min(t[-1] for t in known):
+        return (
+            "its parts were recorded at no common time by their clocks; are they of one drive, and the times "
+            "in one unit?"
+        )
+    named = [n for n in table.header if name_weight("speed", n) >= 0.5]
+    zero = [n for n in named if (x := table.of(n).numbers(n)) is not None and not np.any(x)]
+    return f"the vehicle stands still: {zero[0]} is 0 in all rows" if zero and zero == named else ""
 
 
 def _undecided(channel: str, title: str, table: RecordedTable) -> FoundColumn:
@@ -335,14 +365,13 @@ def _steering_unit(grid: ColumnGrid, name: str, gain: float) -> tuple[str, dict[
         why = "by its name" if told else "by its size"
         seen = f", as if the wheelbase were {lengths[unit]:.2g} m" if gain else ""
         return "delta", {"unit": unit} if unit == "deg" else {}, f"{unit} {why}{seen}"
-    find = "identify with --wheelbase finds it, as steering_ratio; models need it as scale"
     if not normal and (unit or (size >= 60 and lengths["deg"] > 1)):
         unit = unit or "deg"
-        words = f"{unit}, up to {size:.3g}, of a steering wheel? Its ratio is unknown: {find}"
+        words = f"{unit}, up to {size:.3g}, of a steering wheel? Its ratio is unknown: {RATIO_UNKNOWN}"
         return "delta", {"unit": unit} if unit == "deg" else {}, words
     full = next((f for f in (1.0, 100.0, 1000.0, 1e4) if size < 1.1 * f), 1e5)
     scale = {"scale": 1 / full} if full > 1 and size > 18 else {}
-    return "delta", scale, f"no angle, up to {size:.3g}: its size in rad is unknown; {find}"
+    return "delta", scale, f"no angle, up to {size:.3g}: its size in rad is unknown; {RATIO_UNKNOWN}"
 
 
 # Everything else

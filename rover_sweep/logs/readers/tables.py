@@ -419,6 +419,8 @@ def _chained(first: Callable[[Any], Any], second: Callable[[Any], Any]) -> Calla
 
 READERS: Mapping[str, Callable[[Path, list[Note]], Iterator[TableStream]]] = {
     ".csv": _csv,
+    ".tsv": _csv,
+    ".txt": _csv,
     ".parquet": _parquet,
     ".mat": _matlab,
     ".ulg": _ulog,
