@@ -405,12 +405,26 @@ def hand_made(**changed: Any) -> dict[str, Any]:
     ("columns", "words"),
     [
         ({name: column[:1] for name, column in hand_made().items()}, "only 1 row; at least 20 are needed"),
+        (hand_made(steer=0.2 + 0 * drive()["v"], gz=0.1 + 0 * drive()["v"]), "steer does not change"),
         (hand_made(speed=0 * drive()["v"]), "the vehicle stands still: speed is 0 in all rows"),
     ],
 )
 def test_what_no_map_can_mend_is_said(columns: dict[str, Any], words: str, tmp_path: Path) -> None:
     with pytest.raises(DataRefused, match=words):
         read_logs(str(written(tmp_path / "drive.csv", columns)))
+
+
+def test_latitude_and_longitude_are_named(tmp_path: Path) -> None:
+    d = drive()
+    columns = {"t": d["t"], "steering": d["delta"], "lat": 48 + d["y"] / 111e3, "lon": 11 + d["x"] / 74e3}
+    text = guessed(written(tmp_path / "gps.csv", columns)).text()
+    assert "# lat and lon are not read as a position; add columns of it in m" in text
+
+
+def test_a_speed_below_0_says_that_its_sign_is_changed(tmp_path: Path) -> None:
+    d = drive()
+    path = written(tmp_path / "back.csv", hand_made(speed=-d["v"]))
+    assert "sign changed, as most of it is below 0: forward is positive" in guessed(path).text()
 
 
 def test_two_columns_of_one_name_are_refused(tmp_path: Path) -> None:

@@ -8,6 +8,7 @@ steering. These relations also give units and signs.
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -21,7 +22,14 @@ from rover_sweep.errors import DataRefused, UsageError
 from rover_sweep.logs.log import Array
 from rover_sweep.logs.readers.column_grid import GRID_HZ, ColumnGrid, gridded, relation
 from rover_sweep.logs.readers.column_map import FACTORS
-from rover_sweep.logs.readers.column_names import is_another, is_commanded, is_numbered, name_weight, unit_in
+from rover_sweep.logs.readers.column_names import (
+    is_another,
+    is_commanded,
+    is_numbered,
+    name_weight,
+    unit_in,
+    words_of,
+)
 from rover_sweep.logs.readers.motion_columns import (
     LINK,
     SPEED_UNITS,
@@ -132,6 +140,10 @@ def guess_columns(table: RecordedTable) -> ColumnGuess:
             missing.append(title)
             if not any(line.channel in channels for line in found):
                 found.append(_undecided(channels[0], title, table))
+    degrees = [n for n in table.header if re.search(r"\b(lat|latitude|lon|lng|longitude)\b", words_of(n))]
+    if "speed" in missing and len(degrees) > 1:
+        words = f"{' and '.join(degrees[:2])} are not read as a position; add columns of it in m"
+        found.append(FoundColumn("speed", None, "", words, ('speed = {position = ["x", "y"]}',)))
     clock = _clock_lines(grid, table, found)
     if not clock.entry and any(s.time is None for s in table.streams):
         missing.insert(0, "time")
@@ -157,7 +169,13 @@ def _obstacle(table: RecordedTable, grid: ColumnGrid) -> str:
         )
     named = [n for n in table.header if name_weight("speed", n) >= 0.5]
     zero = [n for n in named if (x := table.of(n).numbers(n)) is not None and not np.any(x)]
-    return f"the vehicle stands still: {zero[0]} is 0 in all rows" if zero and zero == named else ""
+    if zero and zero == named:
+        return f"the vehicle stands still: {zero[0]} is 0 in all rows"
+    for role in ("steering", "r"):
+        named = [n for n in table.header if name_weight(role, n) >= NAMED]
+        if named and set(named) <= set(grid.unchanged):
+            return f"{named[0]} does not change"
+    return ""
 
 
 def _undecided(channel: str, title: str, table: RecordedTable) -> FoundColumn:
@@ -257,10 +275,14 @@ def _speed_line(grid: ColumnGrid, motion: MotionColumns, steered: bool) -> Found
         reasons.append("times the steering it is the yaw rate")
     sure = motion.sure > 1 or name in grid.made
     sign = {"scale": -1} if np.median(grid.x[name]) < 0 else {}
+    if sign:
+        reasons.append("sign changed, as most of it is below 0: forward is positive")
     also = (f"speed = {_toml({'column': name, 'unit': u})}" for u in SPEED_UNITS if u != unit)
     entry = dict(grid.made[name]) if name in grid.made else _entry(name, unit, "m/s", sign)
     words = _words([*reasons, f"unit {unit}" + ("" if sure else ", not certain")])
-    return FoundColumn("speed", entry, _certainty(len(reasons)), words, () if sure else tuple(also))
+    return FoundColumn(
+        "speed", entry, _certainty(len(reasons) - len(sign)), words, () if sure else tuple(also)
+    )
 
 
 def _entry(name: str, unit: str, own: str, more: Mapping[str, Any]) -> Any:
