@@ -57,12 +57,13 @@ def refuse_useless(log: Log) -> None:
     fastest = float(np.percentile(np.abs(speed), 99)) if speed.size else 0.0
     if fastest < (MOVING_SPEED if log.parameters or log.marks else SLOWEST_CAR):
         raise DataRefused(
-            f"{log.name}: the rover never drove (speed up to {fastest:.2f} m/s); record a sweep while driving"
+            f"{log.name}: the rover never drove (speed up to {fastest:.2f} m/s); give a log of a drive"
         )
     if not log.steering:
+        other = ".BIN" if log.arrivals is not None else ".tlog"
         raise DataRefused(
             f"{log.name} holds no steering output (SWEP, SERVO_OUTPUT_RAW or RCOU), or the output was off: "
-            "give also the .tlog of the same drive"
+            f"give also the {other} of the same drive"
         )
 
 

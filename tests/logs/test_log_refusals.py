@@ -34,6 +34,11 @@ def test_logs_of_hardware_that_did_not_drive(name: str, reason: str) -> None:
     assert reason in refusal(foreign(f"rover_logs/{name}"))
 
 
+def test_a_tlog_without_outputs_asks_for_the_other_log() -> None:
+    half = Path(__file__).parents[1] / "data/gains/ardurover-4.6.3/half.tlog"
+    assert "give also the .BIN of the same drive" in refusal(str(half))
+
+
 def test_a_boat_with_two_thrusters() -> None:
     columns = {"time": "t", "delta": "steer", "r": "yaw_rate", "ay": "ay", "speed": "vx", "trial": "trial"}
     text = refusal(foreign("cars/blueboat_usv_diffthrust_2024.csv"), column_map=columns)
