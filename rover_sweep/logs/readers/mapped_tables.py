@@ -14,17 +14,17 @@ from numpy.typing import NDArray
 from rover_sweep.data.recording import LowPass, Note, Signal
 from rover_sweep.errors import DataRefused
 from rover_sweep.logs.log import Array, Log, increasing, refuse_disorder
-from rover_sweep.logs.readers.column_grid import heading_of, slope
 from rover_sweep.logs.readers.column_map import (
     UNITS,
     Column,
     ColumnMap,
     StreamClock,
+    heading_of,
     own_names,
     parse_column_map,
     read_column_map,
+    slope,
 )
-from rover_sweep.logs.readers.guessed_columns import guess_columns
 from rover_sweep.logs.readers.tables import RecordedTable, TableStream, is_number, read_table, times_in
 
 NEEDED = {"pwm", "delta", "r", "speed"}
@@ -50,6 +50,8 @@ def read_mapped(paths: Sequence[Path], column_map: Mapping[str, Any] | str | Non
         )
     given = read_column_map(column_map) if isinstance(column_map, str) else column_map
     if given is None and (given := own_names(header)) is None:
+        from rover_sweep.logs.readers.guessed_columns import guess_columns
+
         guess = guess_columns(table)
         given = guess.needed_map()
         table = replace(table, notes=(*table.notes, Note("warning", guess.sentence())))

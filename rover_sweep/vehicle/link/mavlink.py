@@ -93,8 +93,6 @@ GCS_SYSTEM = 255  # SYSID_MYGCS: overrides from any other system are ignored (AP
 GCS_COMPONENT = 190  # MAV_COMP_ID_MISSIONPLANNER, the usual id of a ground station
 SAFETY_ARMED = 128  # MAV_MODE_FLAG_SAFETY_ARMED of a heartbeat's base_mode
 _LINK_ID = 0  # of our signatures: one link at a time
-_NOT_OPENED = (129, 4)  # Nak of OpenFileRO: there is no such file
-_FTP_NOTHING = 1.01  # s, for a file that is not there: a little more than the second until mavftp asks again
 _FTP_IDLE = 3.0  # s in which we send nothing that end a download; 29 kB come in 2 s in one burst (4.6.3 SITL)
 _NAMES = {  # the fields that hold a name: of a parameter, of a value
     dialect.MAVLINK_MSG_ID_PARAM_VALUE: "param_id",
@@ -318,7 +316,6 @@ class _FtpMaster:
     def __init__(self, link: FtpLink) -> None:
         self._link = link
         self.mav = self
-        self.settings: Any = None
 
     def file_transfer_protocol_send(self, network: int, system: int, component: int, payload: Any) -> None:
         self._link.send(
@@ -332,10 +329,7 @@ class _FtpMaster:
         )
 
     def recv_match(self, type: list[str], timeout: float = 0.1, **_: Any) -> Message | None:
-        found = self._link.wait_for(tuple(type), timeout)
-        if found is not None and (found.payload[3], found.payload[5]) == _NOT_OPENED:
-            self.settings.idle_detection_time = _FTP_NOTHING
-        return found
+        return self._link.wait_for(tuple(type), timeout)
 
 
 def ftp_put(link: FtpLink, local: str, remote: str, progress: Callable[[float], None] | None = None) -> str:
@@ -349,7 +343,6 @@ def ftp_put(link: FtpLink, local: str, remote: str, progress: Callable[[float], 
 def ftp_get(link: FtpLink, remote: str, local: str) -> str:
     """Download a file by MAVLink FTP. Returns '' or an error as a phrase."""
     with _ftp(link) as ftp:
-        ftp.master.settings = ftp.ftp_settings
         ftp.ftp_settings.idle_detection_time = _FTP_IDLE
         ftp.cmd_get([remote, local])
         result = ftp.process_ftp_reply("get", timeout=60)
