@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from os import fspath
 from pathlib import Path
 from typing import Any
@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from rover_sweep.api.read import Location
+from rover_sweep.data.results import ShortTable
 from rover_sweep.data.vehicle_file import load
 from rover_sweep.data.vehicle_geometry import geometry_of
 from rover_sweep.driving.answer import DrivingAnswer, answer_from
@@ -34,6 +35,11 @@ class DrivingIdentification(DrivingAnswer):
 
     sources: tuple[str, ...] = ()
     read: tuple[str, ...] = ()
+
+    def table(self) -> ShortTable:
+        """The numbers with their intervals, what stays unknown, and how files of other systems were read."""
+        whole = super().table()
+        return replace(whole, notes=(*whole.notes, *self.read))
 
     def report(self, directory: Location) -> PageFiles:
         """Writes driving.html and driving.json into a folder, which is created if missing.

@@ -454,6 +454,11 @@ def test_a_text_file_of_columns_is_read_and_others_are_refused(tmp_path: Path) -
     assert "drive.py cannot be read; give a .BIN" in str(refused.exception)
 
 
+def test_python_prints_how_a_file_was_read(tmp_path: Path) -> None:
+    driven = rs.identify_driving(written(tmp_path / "drive.csv", hand_made()))
+    assert 'speed = "speed"' in str(driven)
+
+
 def test_a_speed_is_no_set_point() -> None:
     assert is_commanded("speed_sp") and is_commanded("/drive.drive.speed") and not is_commanded("speed")
 
