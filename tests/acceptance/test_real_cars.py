@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -17,17 +19,22 @@ DART, CIRCLES, JOYSTICK = (
 )
 
 
+SLOW = pytest.param(JOYSTICK, marks=pytest.mark.slow)
+
+
 @pytest.fixture(scope="module")
-def cars(foreign_recordings: Path) -> dict[str, Any]:
-    """Each car's result."""
-    found = {}
-    for name in (DART, CIRCLES, JOYSTICK):
+def cars(foreign_recordings: Path) -> Callable[[str], Any]:
+    """Each car's result, by its name."""
+
+    @cache
+    def found(name: str) -> Any:
         runs = rs.read(
             foreign_recordings / "cars" / f"{name}.csv",
             vehicle=MAPS / f"{name}.vehicle.toml",
             columns=MAPS / f"{name}.columns.toml",
         )
-        found[name] = rs.identify(runs, bootstrap=20)
+        return rs.identify(runs, bootstrap=20)
+
     return found
 
 
@@ -39,21 +46,22 @@ def test_the_boat_is_refused(foreign_recordings: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "band"), [(DART, (0.3, 8.0)), (CIRCLES, (1.1, 14.0)), (JOYSTICK, (1.3, 4.5))]
+    ("name", "band"),
+    [(DART, (0.3, 8.0)), (CIRCLES, (1.1, 14.0)), pytest.param(JOYSTICK, (1.3, 4.5), marks=pytest.mark.slow)],
 )
 def test_the_yaw_rate_has_a_usable_band_at_every_speed(
     cars: Any, name: str, band: tuple[float, float]
 ) -> None:
     """The widest covers `band` [rad/s]; the simple coherence of the sources' notes ends at 13, 15 and 7."""
-    found = [g.responses["r"].band for g in cars[name].groups]
+    found = [g.responses["r"].band for g in cars(name).groups]
     assert all(found)
     low, high = max(found, key=lambda b: b[1] / b[0])
     assert low < band[0] and high > band[1]
 
 
-@pytest.mark.parametrize("name", [DART, CIRCLES, JOYSTICK])
+@pytest.mark.parametrize("name", [DART, CIRCLES, SLOW])
 def test_every_model_has_a_verdict_or_a_reason(cars: Any, name: str) -> None:
-    result = cars[name]
+    result = cars(name)
     assert set(result.models) | set(result.refused) == {"kinematic", "bicycle", "roll-yaw", "lumped"}
     assert {"roll-yaw", "lumped"} <= set(result.refused)
     assert all(m.verdict.sentences for m in result.models.values())
@@ -63,23 +71,27 @@ def test_every_model_has_a_verdict_or_a_reason(cars: Any, name: str) -> None:
 def test_a_car_driven_at_the_friction_limit_gives_no_tyre_parameters(cars: Any) -> None:
     from rover_sweep.report.identification.sentences import handling_notes
 
-    assert cars[DART].recommended == "kinematic"
-    assert cars[DART].models["bicycle"].verdict.level == "not identifiable"
-    assert cars[DART].handling == {}
-    assert sum("friction limit" in n.text for n in handling_notes(cars[DART])) == 3
+    assert cars(DART).recommended == "kinematic"
+    assert cars(DART).models["bicycle"].verdict.level == "not identifiable"
+    assert cars(DART).handling == {}
+    assert sum("friction limit" in n.text for n in handling_notes(cars(DART))) == 3
 
 
-def test_the_effective_wheelbase_is_near_the_real_one(cars: Any) -> None:
+@pytest.mark.parametrize(
+    ("name", "wheelbase"),
+    [(DART, 0.1735), (CIRCLES, 0.33), pytest.param(JOYSTICK, 0.3302, marks=pytest.mark.slow)],
+)
+def test_the_effective_wheelbase_is_near_the_real_one(cars: Any, name: str, wheelbase: float) -> None:
     """The steering scales are approximate (20 %), and the cars understeer at the speeds they were driven."""
-    for name, wheelbase in ((DART, 0.1735), (CIRCLES, 0.33), (JOYSTICK, 0.3302)):
-        assert cars[name].models["kinematic"].fit["L_eff"].value == pytest.approx(wheelbase, rel=0.3), name
+    assert cars(name).models["kinematic"].fit["L_eff"].value == pytest.approx(wheelbase, rel=0.3)
 
 
 def test_a_rover_that_hardly_rolls_is_told_so(cars: Any) -> None:
-    assert "the roll rate does not follow the steering" in cars[CIRCLES].refused["roll-yaw"]
-    assert cars[CIRCLES].models["bicycle"].fit.average < cars[CIRCLES].models["kinematic"].fit.average / 1.5
+    assert "the roll rate does not follow the steering" in cars(CIRCLES).refused["roll-yaw"]
+    assert cars(CIRCLES).models["bicycle"].fit.average < cars(CIRCLES).models["kinematic"].fit.average / 1.5
 
 
+@pytest.mark.slow
 def test_marked_rows_are_left_out(cars: Any) -> None:
-    notes = {n.text for g in cars[JOYSTICK].groups for r in g.runs for n in r.notes}
+    notes = {n.text for g in cars(JOYSTICK).groups for r in g.runs for n in r.notes}
     assert any("rows marked in column bad were left out" in text for text in notes)

@@ -78,6 +78,7 @@ def test_the_same_rover_agrees(recorded, tmp_path):
     assert (tmp_path / "comparison.json").is_file()
 
 
+@pytest.mark.slow
 def test_a_wrong_inertia_is_a_number(recorded):
     found = _answer(recorded, replace(ROVER, yaw_inertia=0.8 * ROVER.yaw_inertia), seed=70)
     assert found.verdict == "differ"

@@ -21,7 +21,7 @@ WHEELBASE = ROVER.cg_to_front_axle + ROVER.cg_to_rear_axle
 CURVATURE = true_steering(ROVER, 1.0).curvature
 
 
-@pytest.fixture(scope="module", params=[hand_driving, mission])
+@pytest.fixture(scope="module", params=[hand_driving, pytest.param(mission, marks=pytest.mark.slow)])
 def driven(request, tmp_path_factory):
     rng = np.random.default_rng(5)
     steering, speed = request.param(240, rng)
@@ -153,7 +153,9 @@ def damaged(log, seed):
     return log
 
 
-@pytest.mark.parametrize("seed", range(30))
+@pytest.mark.parametrize(
+    "seed", [*range(10), *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(10, 30))]
+)
 def test_a_damaged_record_gives_an_answer_or_a_sentence(long_drives, seed):
     """Zeros, gaps, constant steering, standstill, one direction only: no traceback, no sure wrong number."""
     answer = answer_from([damaged(long_drives[seed % 2], seed)])

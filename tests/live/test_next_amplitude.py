@@ -115,9 +115,11 @@ def sweep_driven(amplitude: float, folder: Path) -> tuple[Recording, AmplitudePr
     return run, assess(run).next
 
 
-@pytest.fixture(scope="module")
-def weak(tmp_path_factory: pytest.TempPathFactory) -> tuple[Recording, AmplitudeProposal]:
-    return sweep_driven(60.0, tmp_path_factory.mktemp("weak") / "session")
+@pytest.fixture(scope="module", params=[pytest.param(60.0, marks=pytest.mark.slow)])
+def weak(
+    request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
+) -> tuple[Recording, AmplitudeProposal]:
+    return sweep_driven(request.param, tmp_path_factory.mktemp("weak") / "session")
 
 
 @pytest.fixture(scope="module")
@@ -128,7 +130,6 @@ def repeated(
     return sweep_driven(round(weak[1].amplitude), tmp_path_factory.mktemp("repeated") / "session")
 
 
-@pytest.mark.slow
 def test_driven_with_what_was_proposed_the_coherence_is_what_was_forecast(
     weak: tuple[Recording, AmplitudeProposal], repeated: tuple[Recording, AmplitudeProposal]
 ) -> None:

@@ -266,7 +266,9 @@ async def test_a_recording_is_paused_sought_and_paced(app, source, pilot) -> Non
     assert source.aborted == 0
 
 
-@pytest.mark.parametrize("size", [(40, 10), (20, 4), (79, 19), (300, 90)])
+@pytest.mark.parametrize(
+    "size", [(20, 4), (300, 90), *(pytest.param(s, marks=pytest.mark.slow) for s in ((40, 10), (79, 19)))]
+)
 @played(DRIVEN)
 async def test_any_size_is_survived(app, source, pilot, size: tuple[int, int]) -> None:
     for view in range(1, 8):
