@@ -15,7 +15,12 @@ from virtual_world import At
 RULES = "rover_sweep.vehicle.run.right_to_move.RULES"
 
 
-@pytest.mark.parametrize("moment", MOMENTS)
+SLOW = ("uploading + 0.3 s", "sweep + 1 s")
+
+
+@pytest.mark.parametrize(
+    "moment", [pytest.param(m, marks=pytest.mark.slow if m in SLOW else ()) for m in MOMENTS]
+)
 def test_what_is_promised_holds(moment: str, tmp_path: Path) -> None:
     """All faults that begin at that moment."""
     found = problems_of(MOMENTS[moment], tmp_path)
