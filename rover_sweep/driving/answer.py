@@ -118,6 +118,8 @@ def _together(logs: Sequence[Log], wheelbase: float | None, rover: Geometry | No
     level, reasons = _judged(fit)
     if level == "none":
         return _nothing(driving, *reasons, fit=fit)
+    if unsure := sorted({channel for log in logs for channel in log.unsure}):
+        level, reasons = "rough", (*reasons, _scaled_by(unsure))
     numbers, unknown = _numbers(fit, driving, speeds, wheelbase)
     tyres = tyre_stiffnesses(fit, rover, speeds[1]) if rover else ()
     numbers = ByName((*numbers, *tyres))
@@ -127,6 +129,11 @@ def _together(logs: Sequence[Log], wheelbase: float | None, rover: Geometry | No
     return DrivingAnswer(
         level, numbers, reasons, unknown, driving, fit, speeds, amplitude, _band(used), better
     )
+
+
+def _scaled_by(unsure: Sequence[str]) -> str:
+    names = " and of ".join({"r": "the yaw rate", "speed": "the speed"}[channel] for channel in unsure)
+    return f"the unit of {names} is a guess, and the numbers scale with it: give it in a column map"
 
 
 def _nothing(driving: Driving, *reasons: str, fit: DrivingFit | None = None) -> DrivingAnswer:

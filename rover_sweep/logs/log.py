@@ -58,6 +58,7 @@ class Log:
     limits: (lowest, highest) steering output [us], None where unknown.
     whole: all driving is one run, independent of the steering.
     system: MAVLink system id of a telemetry log, 0 if not known.
+    unsure: channels whose unit is a guess, in a file of another system.
     vehicle: "rover", another ArduPilot vehicle's name, or "" if not known.
     """
 
@@ -78,6 +79,7 @@ class Log:
     sources: tuple[tuple[str, str], ...] = ()
     whole: bool = False
     system: int = 0
+    unsure: tuple[str, ...] = ()
 
 
 def source_of(path: Path) -> tuple[str, str]:

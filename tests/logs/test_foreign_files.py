@@ -396,6 +396,15 @@ def test_a_unit_that_is_not_certain_is_said() -> None:
     assert "; the unit of speed is not certain; to correct them" in ColumnGuess("a.csv", (line,)).sentence()
 
 
+def test_numbers_that_scale_with_a_guessed_unit_are_rough(tmp_path: Path) -> None:
+    d = drive()
+    columns = {"t": d["t"], "steering": d["delta"], "yaw_rate (rad/s)": d["r"], "v": 3.6 * d["v"]}
+    answer = rs.identify_driving(written(tmp_path / "kmh.csv", columns))
+    assert answer.level == "rough" and "the unit of the speed is a guess" in answer.reasons[-1]
+    named = {"v (km/h)" if name == "v" else name: x for name, x in columns.items()}
+    assert rs.identify_driving(written(tmp_path / "named.csv", named)).level == "good"
+
+
 def hand_made(**changed: Any) -> dict[str, Any]:
     d = drive()
     return {"t": d["t"], "steer": d["delta"] / 0.35, "speed": d["v"], "gz": d["r"]} | changed

@@ -98,11 +98,15 @@ class ColumnGuess:
             )
         return self.map
 
+    @property
+    def unsure(self) -> tuple[str, ...]:
+        """Channels whose unit is a guess."""
+        return tuple(line.channel for line in self.found if line.channel in ("r", "speed") and line.also)
+
     def sentence(self) -> str:
         """What was taken for what, and how to correct it."""
         taken = ", ".join(f"{k} = {_toml(v)}" for k, v in self.map.items())
-        unsure = [line.channel for line in self.found if line.channel in ("r", "speed") and line.also]
-        units = f"; the unit of {' and of '.join(unsure)} is not certain" if unsure else ""
+        units = f"; the unit of {' and of '.join(self.unsure)} is not certain" if self.unsure else ""
         no_angle = any(line.channel == "delta" and RATIO_UNKNOWN in line.reason for line in self.found)
         units += "; delta is no angle in rad: read its rad as the unit of the column" if no_angle else ""
         return (
@@ -228,7 +232,8 @@ def _motion_lines(grid: ColumnGrid, motion: MotionColumns, steered: bool) -> Ite
     scale = {"scale": -1} if motion.turned else {}
     if motion.turned:
         reasons.append("sign changed, as the course turns against it: left is positive")
-    reasons.append(f"unit {unit}" + ("" if motion.sure > 1 else ", not certain"))
+    known = motion.sure > 1 or unit_in(motion.r) == unit
+    reasons.append(f"unit {unit}" + ("" if known else ", not certain"))
     if made and motion.r in grid.made:
         entry: Any = {**grid.made[motion.r], **scale}
     elif made:
@@ -237,10 +242,8 @@ def _motion_lines(grid: ColumnGrid, motion: MotionColumns, steered: bool) -> Ite
         entry = _entry(motion.r, unit, "rad/s", scale)
     sure = len(reasons) - 1 - motion.turned
     other = "deg/s" if unit == "rad/s" else "rad/s"
-    also = (f"r = {_toml(_entry(motion.r, other, '', scale))}",) if motion.sure <= 1 and not made else ()
-    yield FoundColumn(
-        "r", entry, _certainty(sure if motion.sure > 1 else min(sure, 2)), _words(reasons), also
-    )
+    also = (f"r = {_toml(_entry(motion.r, other, '', scale))}",) if not (known or made) else ()
+    yield FoundColumn("r", entry, _certainty(sure if known else min(sure, 2)), _words(reasons), also)
 
     yield _speed_line(grid, motion, steered)
     if motion.ay:
@@ -273,7 +276,7 @@ def _speed_line(grid: ColumnGrid, motion: MotionColumns, steered: bool) -> Found
         reasons.append(f"times the yaw rate it is {motion.ay}")
     if steered:
         reasons.append("times the steering it is the yaw rate")
-    sure = motion.sure > 1 or name in grid.made
+    sure = motion.sure > 1 or name in grid.made or unit_in(name) == unit
     sign = {"scale": -1} if np.median(grid.x[name]) < 0 else {}
     if sign:
         reasons.append("sign changed, as most of it is below 0: forward is positive")

@@ -54,7 +54,8 @@ def read_mapped(paths: Sequence[Path], column_map: Mapping[str, Any] | str | Non
 
         guess = guess_columns(table)
         given = guess.needed_map()
-        table = replace(table, notes=(*table.notes, Note("warning", guess.sentence())))
+        notes = (*table.notes, Note("warning", guess.sentence()))
+        table = replace(table, notes=notes, unsure=guess.unsure)
     columns = parse_column_map(given, header, all(s.time is not None for s in table.streams))
     twice = sorted(name for name in columns.used if header.count(name) > 1)
     if twice:
@@ -188,6 +189,7 @@ def _log(name: str, table: RecordedTable, rows: Sequence[NDArray[np.bool_]], col
     }
     return Log(
         name=name,
+        unsure=table.unsure,
         signals=signals,
         steering=steering,
         filters=filters,

@@ -60,13 +60,17 @@ class TableStream:
 
 @dataclass(frozen=True, eq=False)
 class RecordedTable:
-    """The streams of one recording. name: of its file or files; sources: (file name, sha256) of each."""
+    """The streams of one recording. name: of its file or files; sources: (file name, sha256) of each.
+
+    unsure: channels whose unit is a guess.
+    """
 
     name: str
     stem: str
     streams: tuple[TableStream, ...]
     sources: tuple[tuple[str, str], ...]
     notes: tuple[Note, ...] = field(default=())
+    unsure: tuple[str, ...] = ()
 
     @property
     def header(self) -> list[str]:
