@@ -50,7 +50,7 @@ from rover_sweep.diagnosis.result import (
     Unknown,
     Unseen,
 )
-from rover_sweep.diagnosis.search import at_the_end, many_at_the_end
+from rover_sweep.diagnosis.search import MANY, at_the_end, many_at_the_end
 from rover_sweep.diagnosis.simulation import candidates as lumped_baseline
 from rover_sweep.diagnosis.simulation.augmented import augmented
 from rover_sweep.diagnosis.simulation.candidates import Model, has_roll, is_included
@@ -204,10 +204,8 @@ def _answer(
     if not found.stopped and not laws and weighed.something_else < 0.5:
         cannot_see += upper_bounds(last, settings.with_effects, settings.without_effects)
     ends = {} if found.stopped else at_the_end(last.problem, last.fitted)
-    doubts = (
-        *implausible_numbers(last, drawn),
-        *many_at_the_end(ends, mismatches(last.problem.plain, last.closest.rows)),
-    )
+    gaps = mismatches(last.problem.plain, last.closest.rows) if len(ends) >= MANY else ()
+    doubts = (*implausible_numbers(last, drawn), *many_at_the_end(ends, gaps))
     measure = doubts or tuple(ends.values())
     compared = {run.run.name: worse_channels(run, nominal, full) for run in held_out}
     worse = {name: channels for name, channels in compared.items() if channels} if findings else {}

@@ -275,12 +275,15 @@ def at_the_end(problem: Problem, fitted: Fitted) -> dict[str, str]:
     return out
 
 
+MANY = 3  # numbers outside their tolerances, from which the model is wrong and not the file
+
+
 def many_at_the_end(ends: Mapping[str, str], places: Sequence[Mismatch]) -> tuple[str, ...]:
     """What it means that three or more numbers want to leave their tolerances together, () if fewer do.
 
     places: where the fitted model and the runs differ, the largest first.
     """
-    if len(ends) < 3:
+    if len(ends) < MANY:
         return ()
     names = ", ".join(MEASURED[name][0] for name in ends)
     rest = f". Its largest residual: {places[0].sentence}" if places else ""

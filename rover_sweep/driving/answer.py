@@ -5,14 +5,23 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from math import pi, sqrt
-from typing import Literal, NamedTuple
+from typing import Literal
 
 import numpy as np
 from scipy.stats import chi2
 
 from rover_sweep.data.geometry import GRAVITY, Geometry
 from rover_sweep.data.recording import Array, Signal
-from rover_sweep.data.results import ByName, Quantity, ShortTable, Shown, ends_words, number, plain_number
+from rover_sweep.data.results import (
+    NORMAL_90,
+    ByName,
+    Quantity,
+    ShortTable,
+    Shown,
+    ends_words,
+    number,
+    plain_number,
+)
 from rover_sweep.driving.fit import OF_SPEED, DrivingFit, fit_driving, precision_with, reached, tyre_time
 from rover_sweep.driving.stretches import RATE, DrivenPart, Driving, usable_driving
 from rover_sweep.driving.tyres import tyre_stiffnesses
@@ -25,11 +34,9 @@ GOOD, ROUGH = 0.9, 0.7  # shares of the yaw rate that the law must give in drivi
 LEAST_SECONDS = 8.0  # of usable driving
 SPEEDS_APART = 1.3  # ratio of the speeds in turns, from which they show what depends on speed
 HARD_TURN = 3.0  # m/s^2, at which the bend of the tyres is told
-EXTRAPOLATED = 1.5  # what is told of faster or harder turns is at most so far beyond those driven
+EXTRAPOLATED = 1.5  # times the speed or acceleration of the driven turns: nothing is said beyond
 KNOWN = 0.5  # of a value; a wider half interval makes it unknown
-VISIBLE = (
-    0.03  # of the curvature: smaller differences between the sides, and bends of the curve, are not told
-)
+VISIBLE = 0.03  # of the curvature; a smaller difference between the sides, or bend of the curve, is not said
 SWEEP, SWEEP_SPEED = Sweep(amplitude=120.0), 2.0  # advised; us, m/s
 NO_TYRES = "Tyre stiffnesses and yaw inertia, which need sweeps and a vehicle file with the mass"
 NO_TYRES_KNOWN = "Tyre stiffnesses, which need sweeps, or yaw_inertia and turns at speeds further apart"
@@ -150,7 +157,7 @@ def _judged(fit: DrivingFit) -> tuple[Level, tuple[str, ...]]:
         why = (
             f"{share}, but this is too little driving"
             if fit.explained >= ROUGH
-            else ("the yaw rate does not follow the steering in this driving")
+            else "the yaw rate does not follow the steering in this driving"
         )
         return "none", (why,)
     if fit.explained < ROUGH:
@@ -359,24 +366,12 @@ def _after_sweep(
 
 
 CHANCE = 0.001  # of numbers that are said to disagree and do not
-HALF_90 = 1.645  # standard deviations in half a 90 % interval
 ALIKE = 1.2  # ratio of speeds up to which response times are compared
 
 
-class Matters(NamedTuple):
-    """The smallest difference of a number that is said: in its unit, and as a share of it."""
-
-    least: float
-    share: float
-
-
-COMPARED = {
-    "straight": Matters(0.0, 0.0),  # see LEAST_STRAIGHT
-    "curvature": Matters(0.0, 0.05),
-    "wheelbase_seen": Matters(0.0, 0.05),
-    "response_time": Matters(0.02, 0.1),
-}
-LEAST_STRAIGHT = {"us": 5.0, "rad": 0.005}
+COMPARED = {"straight": 0.0, "curvature": 0.05, "wheelbase_seen": 0.05, "response_time": 0.1}
+LEAST = {"us": 5.0, "rad": 0.005, "s": 0.02}
+"""The smallest difference that is said: as a share of the number, and in its unit."""
 
 
 def disagreeing(logs: Sequence[tuple[ByName[Quantity], float]]) -> tuple[str, ...]:
@@ -389,16 +384,16 @@ def disagreeing(logs: Sequence[tuple[ByName[Quantity], float]]) -> tuple[str, ..
     found = []
     speeds = [speed for _, speed in logs]
     alike = max(speeds, default=0.0) < ALIKE * min(speeds, default=0.0)
-    for name, matters in COMPARED.items():
+    for name, share in COMPARED.items():
         known = [numbers[name] for numbers, _ in logs if name in numbers]
         ends = [q.interval_90 or (-np.inf, np.inf) for q in known]
         if len(known) < 2 or (name == "response_time" and not alike):
             continue
         value = np.array([q.value for q in known])
-        weight = np.square(2 * HALF_90 / np.maximum(np.diff(ends)[:, 0], 1e-9))
+        weight = np.square(2 * NORMAL_90 / np.maximum(np.diff(ends)[:, 0], 1e-9))
         mean = float(weight @ value / weight.sum())
         squares = float(weight @ np.square(value - mean))
-        least = LEAST_STRAIGHT[known[0].unit] if name == "straight" else matters.least
-        if np.ptp(value) > least + matters.share * abs(mean) and chi2.sf(squares, len(known) - 1) < CHANCE:
+        matters = LEAST.get(known[0].unit, 0.0) + share * abs(mean)
+        if np.ptp(value) > matters and chi2.sf(squares, len(known) - 1) < CHANCE:
             found.append(name)
     return tuple(found)

@@ -32,11 +32,8 @@ from scipy.stats import t as student
 from rover_sweep.data.recording import Array, LowPass
 from rover_sweep.driving.stretches import RATE, DrivenPart
 
-BLOCK, SHORT_BLOCK, BLOCKS = (
-    5.0,
-    2.0,
-    24,
-)  # s, longer than a turn's memory; shorter for fewer than BLOCKS of them
+BLOCK, SHORT_BLOCK = 5.0, 2.0  # s, longer than a turn's memory; the shorter one in short driving
+BLOCKS = 24  # fewest, before they become shorter
 ORDER = 6  # of the autoregression
 FAST_HZ = 10.0  # of the gyro's low-pass
 SPLIT = 0.18  # sd of the share of the lags that may be a delay instead, or the reverse: they look alike

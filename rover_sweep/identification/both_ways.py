@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from rover_sweep.data.recording import Recording
-from rover_sweep.data.results import Quantity, number
+from rover_sweep.data.results import NORMAL_90, Quantity, ends_words, number
 from rover_sweep.identification.bootstrap import with_intervals
 from rover_sweep.identification.fit import FitResult, fit
 from rover_sweep.identification.model_results import UNTIED, ModelResult, Work, fitted_result
@@ -26,7 +26,6 @@ TRIM = ("trim", "rad", "road-wheel angle that drives straight")
 OF_MODES = ("yaw_frequency", "yaw_damping")
 BLOCK = 5.0  # s, over which a mean turn is independent of the next
 FEWEST_BLOCKS = 4
-SURE = 1.65  # standard deviations of a 90 % interval
 
 
 @dataclass(frozen=True)
@@ -86,8 +85,7 @@ def ways_compared(found: Sequence[BothWays]) -> tuple[str, ...]:
 
 
 def _words(q: Quantity) -> str:
-    low, high = q.interval_90 or (None, None)
-    return f"{number(q.value, 3)} {q.unit} ({number(low, 3)} to {number(high, 3)})".replace(" - (", " (")
+    return f"{number(q.value, 3)} {q.unit} ({ends_words(q.low, q.high)})".replace(" - (", " (")
 
 
 def _pair(forward: Quantity, reverse: Quantity) -> BothWays:
@@ -138,6 +136,6 @@ def _trim(structure: ModelStructure, runs: Sequence[Recording]) -> Quantity | No
         left += [-float(np.mean(part)) / steady for part in parts]
     if len(left) < FEWEST_BLOCKS:
         return None
-    mean, error = float(np.mean(left)), SURE * float(np.std(left, ddof=1)) / np.sqrt(len(left))
+    mean, error = float(np.mean(left)), NORMAL_90 * float(np.std(left, ddof=1)) / np.sqrt(len(left))
     name, unit, meaning = TRIM
     return Quantity(name, unit, mean, mean - error, mean + error, meaning)

@@ -19,7 +19,7 @@ from rover_sweep.logs.readers.dataflash import open_parts
 from rover_sweep.logs.readers.dataflash_channels import read_dataflash
 from rover_sweep.logs.readers.mapped_tables import read_mapped
 from rover_sweep.logs.readers.screening import STEERING_WHEEL, screened
-from rover_sweep.logs.readers.tables import is_table_file
+from rover_sweep.logs.readers.tables import TABLES, is_table_file
 from rover_sweep.logs.readers.tlog_channels import read_telemetry
 from rover_sweep.logs.readers.vehicle_clock import paired
 
@@ -96,7 +96,7 @@ def read_logs(
     raise UsageError(f"{path.name}: {path.suffix or 'no extension'} cannot be read; give {READ}")
 
 
-READ = "a .BIN, .tlog, .csv, .tsv, .txt, .parquet, .mat, .ulg, .bag, .db3 or .mcap"
+READ = f"a .BIN, .tlog, {TABLES}"
 
 
 def _pair(

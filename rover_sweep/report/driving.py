@@ -64,6 +64,8 @@ def driving_document(answer: DrivingAnswer) -> dict[str, Any]:
 def driving_report(answer: DrivingAnswer, names: str, read: Sequence[str] = ()) -> Document:
     """The answer as a document. names: of the logs, for the subtitle; read: how they were read."""
     made = versions()
+    said = some(*items([sentence(words) for words in read]))
+    how_read = (Section("How the files were read", said, "read"),) if read else ()
     return Document(
         "Steering from any driving",
         f"{names}; rover-sweep {made['rover_sweep']}",
@@ -75,10 +77,7 @@ def driving_report(answer: DrivingAnswer, names: str, read: Sequence[str] = ()) 
             *(Sentence(sentence(words)) for words in _remarks(answer)),
         ),
         (
-            *(
-                (Section("How the files were read", some(*items(list(map(sentence, read)))), "read"),)
-                * bool(read)
-            ),
+            *how_read,
             Section("What was driven", some(*_driven(answer)), "driven"),
             Section("Yaw rate", some(Figures(tuple(_charts(answer)))), "runs", level="page"),
         ),

@@ -17,17 +17,17 @@ from pathlib import Path
 
 import numpy as np
 
-from rover_sweep.vehicle.link.link import Link, Refused
-from rover_sweep.vehicle.link.mavlink import constant
+from rover_sweep.vehicle.link.link import Link
 from rover_sweep.vehicle.run.controls import pump
 from sitl.launcher import HOME, find_ardurover, start_ardurover
 from sitl.plant.variant import load_variant
+from tests.ardurover.arming import arm_in_mode
 from tests.benchmarks.any_driving import checked
 
 AUTO = 10  # custom_mode of Rover
 SETTINGS = {"CRUISE_SPEED": 2.0, "CRUISE_THROTTLE": 42.0, "WP_SPEED": 2.0, "SCR_ENABLE": 0}
 REACH, METRES_PER_DEGREE = 20.0, 111_195.0
-READY_S, LONGEST_S = 120.0, 1200.0
+LONGEST_S = 1200.0
 
 
 def waypoints(count: int, rng: np.random.Generator) -> list[tuple[int, float, float, float]]:
@@ -62,23 +62,6 @@ def upload(link: Link, items: list[tuple[int, float, float, float]]) -> None:
     raise AssertionError("the vehicle stopped to ask for waypoints")
 
 
-def arm(link: Link) -> None:
-    """AUTO and armed, once the estimator is ready."""
-    started = link.clock.now
-    wanted = constant("EKF_VELOCITY_HORIZ") | constant("EKF_POS_HORIZ_ABS")
-    while link.clock.now - started < READY_S:
-        report = link.request_message("EKF_STATUS_REPORT")
-        if report is not None and int(report.flags) & wanted == wanted:
-            try:
-                link.require("arm", "MAV_CMD_COMPONENT_ARM_DISARM", 1.0)
-                link.require("go into AUTO", "MAV_CMD_DO_SET_MODE", 1.0, float(AUTO))
-                return
-            except Refused as refused:
-                print(f"  {refused}", flush=True)
-        pump(link, 2.0, 10.0)
-    raise AssertionError(f"the rover did not arm within {READY_S:g} s")
-
-
 def drive(binary: Path, folder: Path, seed: int, count: int, speedup: float) -> Path:
     """The log of a drawn mission."""
     settings = folder / "settings.param"
@@ -90,7 +73,7 @@ def drive(binary: Path, folder: Path, seed: int, count: int, speedup: float) -> 
     ):
         pump(link, 10.0, 60.0)
         upload(link, items)
-        arm(link)
+        arm_in_mode(link, AUTO, "AUTO", arm_first=True)
         begun = link.clock.now
         while link.clock.now - begun < LONGEST_S:
             reached = link.wait_for("MISSION_ITEM_REACHED", 60.0)

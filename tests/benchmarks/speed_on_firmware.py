@@ -47,18 +47,18 @@ from rover_sweep.gains.speed_chain import (
 from rover_sweep.gains.speed_proposal import SpeedProposal
 from rover_sweep.identification.identify_speed import identify_speed
 from rover_sweep.logs.readers.dataflash import index
-from rover_sweep.vehicle.link.link import Link, Refused
-from rover_sweep.vehicle.link.mavlink import constant
+from rover_sweep.vehicle.link.link import Link
 from rover_sweep.vehicle.parameters import read_all, write_parameter
 from rover_sweep.vehicle.run.controls import pump
 from sitl.launcher import find_ardurover, start_ardurover
+from tests.ardurover.arming import arm_in_mode
 
 SWEEP = Path(__file__).parents[1] / "data" / "ardurover-4.6.3" / "throttle" / "sweep.BIN"
 GUIDED = 15  # custom_mode of Rover
 BODY = 8  # MAV_FRAME_BODY_NED
 SPEED_ONLY = 0b0000_0101_1100_0111  # type_mask: velocity and yaw rate count
 STEPS, STEP_S, SINE_S, SINE_HZ = 4, 8.0, 20.0, 0.1
-SETTLE_S, READY_S = 8.0, 120.0
+SETTLE_S = 8.0
 
 
 @dataclass(frozen=True)
@@ -131,7 +131,7 @@ def drive(binary: Path, folder: Path, proposal: SpeedProposal, variant: str) -> 
         first = _flown(read_all(link))
         link.require("send attitude", "MAV_CMD_SET_MESSAGE_INTERVAL", float(30), 20_000.0)
         commander = Commander(link, profile)
-        _arm(link)
+        arm_in_mode(link, GUIDED, "GUIDED")
         told = []
         slower = replace(best, accel_max=first.accel_max)
         for name, wanted in (("defaults", first), ("proposed", best), ("proposed, default accel", slower)):
@@ -156,23 +156,6 @@ def _flown(have: Mapping[str, float]) -> SpeedSettings:
     for name in names:
         assert math.isclose(have[name], SPEED_DEFAULTS[name], rel_tol=1e-6), (name, have[name])
     return SpeedSettings(*(have[name] for name in names))
-
-
-def _arm(link: Link) -> None:
-    """GUIDED and armed, once the estimator is ready."""
-    started = link.clock.now
-    wanted = constant("EKF_VELOCITY_HORIZ") | constant("EKF_POS_HORIZ_ABS")
-    while link.clock.now - started < READY_S:
-        status = link.request_message("EKF_STATUS_REPORT")
-        if status is not None and int(status.flags) & wanted == wanted:
-            try:
-                link.require("go into GUIDED", "MAV_CMD_DO_SET_MODE", 1.0, float(GUIDED))
-                link.require("arm", "MAV_CMD_COMPONENT_ARM_DISARM", 1.0)
-                return
-            except Refused as refused:
-                print(f"  {refused}", file=sys.stderr)
-        pump(link, 2.0, 10.0)
-    raise AssertionError(f"the rover did not arm within {READY_S:g} s")
 
 
 @dataclass(frozen=True)

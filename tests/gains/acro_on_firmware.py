@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import sys
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -11,11 +10,12 @@ from acro_drive import FULL, Profile, Segment
 
 from firmware_params.param_files import shipped
 from rover_sweep.gains.steering_chain import DEFAULTS, Autopilot, autopilot
-from rover_sweep.vehicle.link.link import Link, Refused
-from rover_sweep.vehicle.link.mavlink import constant, message_id
+from rover_sweep.vehicle.link.link import Link
+from rover_sweep.vehicle.link.mavlink import message_id
 from rover_sweep.vehicle.parameters import read_all, write_parameter
 from rover_sweep.vehicle.run.controls import pump
 from sitl.launcher import start_ardurover
+from tests.ardurover.arming import arm_in_mode
 
 ACRO = 1  # custom_mode of Rover
 SPEED = 2.5  # m/s
@@ -29,7 +29,6 @@ SETTINGS = {
     "GCS_PID_MASK": 3,
 }
 STRAIGHT = 6.0  # s, to reach the speed before a profile
-READY_S = 120.0
 
 
 class Stick:
@@ -89,7 +88,7 @@ def drive(
                 f"send {name}", "MAV_CMD_SET_MESSAGE_INTERVAL", float(message_id(name)), interval * 1e6
             )
         stick = Stick(link, have, profile)
-        _arm(link)
+        arm_in_mode(link, ACRO, "ACRO")
         stick.throttle = CRUISE_THROTTLE / 100 * speed / SPEED
         told = []
         for name, parameters in sets.items():
@@ -102,23 +101,6 @@ def drive(
         link.command("MAV_CMD_COMPONENT_ARM_DISARM", 0.0)
         pump(link, 1.0)
     return max((folder / "vehicle" / "logs").glob("*.BIN")), told, loop
-
-
-def _arm(link: Link) -> None:
-    """ACRO and armed, once the estimator is ready."""
-    started = link.clock.now
-    wanted = constant("EKF_VELOCITY_HORIZ") | constant("EKF_POS_HORIZ_ABS")
-    while link.clock.now - started < READY_S:
-        report = link.request_message("EKF_STATUS_REPORT")
-        if report is not None and int(report.flags) & wanted == wanted:
-            try:
-                link.require("go into ACRO", "MAV_CMD_DO_SET_MODE", 1.0, float(ACRO))
-                link.require("arm", "MAV_CMD_COMPONENT_ARM_DISARM", 1.0)
-                return
-            except Refused as refused:
-                print(f"  {refused}", file=sys.stderr)
-        pump(link, 2.0, 10.0)
-    raise AssertionError(f"the rover did not arm within {READY_S:g} s")
 
 
 def _driven(link: Link, stick: Stick, name: str, parameters: Mapping[str, float]) -> Segment:

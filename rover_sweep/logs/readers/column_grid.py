@@ -195,6 +195,7 @@ def _within(x: Array) -> Array:
 
 
 def gridded(table: RecordedTable) -> ColumnGrid:
+    """The columns of numbers that change, on one grid over the time that most of them have in common."""
     found = ColumnGrid()
     columns: list[tuple[str, Array, Array, int]] = []
     clocks = {n: c for n, stream in enumerate(table.streams) if (c := _clock_of(stream))}

@@ -243,7 +243,7 @@ def _motion_lines(grid: ColumnGrid, motion: MotionColumns, steered: bool) -> Ite
     sure = len(reasons) - 1 - motion.turned
     other = "deg/s" if unit == "rad/s" else "rad/s"
     also = (f"r = {_toml(_entry(motion.r, other, '', scale))}",) if not (known or made) else ()
-    yield FoundColumn("r", entry, _certainty(sure if known else min(sure, 2)), _words(reasons), also)
+    yield FoundColumn("r", entry, _certainty(sure if known else min(sure, 2)), "; ".join(reasons), also)
 
     yield _speed_line(grid, motion, steered)
     if motion.ay:
@@ -282,7 +282,7 @@ def _speed_line(grid: ColumnGrid, motion: MotionColumns, steered: bool) -> Found
         reasons.append("sign changed, as most of it is below 0: forward is positive")
     also = (f"speed = {_toml({'column': name, 'unit': u})}" for u in SPEED_UNITS if u != unit)
     entry = dict(grid.made[name]) if name in grid.made else _entry(name, unit, "m/s", sign)
-    words = _words([*reasons, f"unit {unit}" + ("" if sure else ", not certain")])
+    words = "; ".join([*reasons, f"unit {unit}" + ("" if sure else ", not certain")])
     return FoundColumn(
         "speed", entry, _certainty(len(reasons) - len(sign)), words, () if sure else tuple(also)
     )
@@ -295,10 +295,6 @@ def _entry(name: str, unit: str, own: str, more: Mapping[str, Any]) -> Any:
 
 def _share(found: tuple[float, float]) -> str:
     return f"{100 * found[1]:.0f} %"
-
-
-def _words(reasons: Sequence[str]) -> str:
-    return "; ".join(reasons)
 
 
 def _certainty(evidence: int) -> str:
@@ -353,7 +349,7 @@ def _steering_lines(grid: ColumnGrid, motion: MotionColumns) -> Iterator[FoundCo
     strong = (share > 0.5) + (share > LINK) + (weight >= NAMED)
     others = [n for s, n, *_ in tried[1:4] if s > best[0] - 0.3 and s > 0.5]
     also = tuple(f"{channel} = {_toml(_entry(n, '', '', more))}" for n in others)
-    yield FoundColumn(channel, _entry(name, "", "", more), _certainty(int(strong)), _words(reasons), also)
+    yield FoundColumn(channel, _entry(name, "", "", more), _certainty(int(strong)), "; ".join(reasons), also)
     if grid.held[name] > 0.5 and is_commanded(name):
         yield FoundColumn("sampling", "step", "likely", f"{100 * grid.held[name]:.0f} % of its values repeat")
 

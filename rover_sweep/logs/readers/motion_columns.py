@@ -114,6 +114,7 @@ def motion_columns(grid: ColumnGrid) -> MotionColumns:
 
 
 def moving_parts(grid: ColumnGrid, speed: str) -> NDArray[np.bool_]:
+    """Where (n,) on the grid the vehicle moves, by this column of the speed."""
     v = np.abs(grid.x[speed])
     return v > 0.2 * np.percentile(v, 95)
 

@@ -429,10 +429,13 @@ READERS: Mapping[str, Callable[[Path, list[Note]], Iterator[TableStream]]] = {
     ".mat": _matlab,
     ".ulg": _ulog,
     ".bag": _bag,
-    ".mcap": _bag,
     ".db3": _bag,
+    ".mcap": _bag,
     "bag": _bag,  # the folder of a ROS 2 bag
 }
+_ENDINGS = [ending for ending in READERS if ending.startswith(".")]
+TABLES = f"{', '.join(_ENDINGS[:-1])} or {_ENDINGS[-1]}"
+"""The endings of the files that are read, in words."""
 
 
 def is_table_file(path: Path) -> bool:
