@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -20,9 +20,10 @@ from rover_sweep._version import __version__
 from rover_sweep.data.recording import Recording
 from rover_sweep.data.results import number
 from rover_sweep.data.vehicle_file import Vehicle
-from rover_sweep.diagnosis.effects import library
-from rover_sweep.diagnosis.result import Unseen, UpperBound, largest_hidden
 from rover_sweep.files.documents import within_json
+
+if TYPE_CHECKING:
+    from rover_sweep.diagnosis.result import Unseen, UpperBound
 
 OUTPUT_NAMES = {
     "r": "yaw rate r",
@@ -205,6 +206,8 @@ CHANNELS = {**SHORT_NAMES, "vy": "V_y"}
 
 def title(effect: str) -> str:
     """The effect's name in words, from its id if unknown."""
+    from rover_sweep.diagnosis.effects import library  # loads the compiler
+
     known = library().get(effect)
     return known.title if known else effect.replace("_", " ")
 
@@ -250,6 +253,8 @@ def range_words(bound: UpperBound) -> str:
 
 def hiding_words(unseen: Sequence[Unseen]) -> str:
     """The effects that matter most among those that could still hide, in one sentence; "" for none."""
+    from rover_sweep.diagnosis.result import largest_hidden
+
     words = []
     for u in largest_hidden(unseen):
         parts = []
