@@ -10,6 +10,7 @@ from __future__ import annotations
 import asyncio
 import logging
 import re
+import secrets
 from asyncio.subprocess import PIPE, Process
 from collections.abc import Sequence
 from contextlib import suppress
@@ -34,6 +35,7 @@ KEYS = """<script>
 </script>
 """
 FOREIGN = "Only a page of this server may open the session."
+NO_KEY = "Open the address that `rover-sweep session --web` printed: it ends with the key of this session."
 
 
 async def _closed(websocket: web.WebSocketResponse) -> None:
@@ -82,13 +84,18 @@ class SessionProgram(AppService):
 
 
 class SessionServer(Server):
-    """One page at a time; a second one, and a page of another site, are refused."""
+    """One page at a time; a second one, a page of another site and one without the session's key are refused.
+
+    address: of the page, with the key; the page keeps the key in a cookie.
+    """
 
     def __init__(self, argv: Sequence[str], host: str, port: int) -> None:
         shown = f"[{host}]" if ":" in host else host
         super().__init__("rover-sweep session", host, port, public_url=f"http://{shown}:{port}")
         self._argv = argv
         self._program: SessionProgram | None = None
+        self._key, self._cookie = secrets.token_urlsafe(12), f"key-{port}"  # cookies know no ports
+        self.address = f"{self.public_url}/?key={self._key}"
 
     def initialize_logging(self) -> None:
         """Warnings only: each request of the page would be a line."""
@@ -97,18 +104,25 @@ class SessionServer(Server):
     async def handle_index(self, request: web.Request) -> web.StreamResponse:
         """The page, or the sentence that it is open already; under its one address."""
         if f"http://{request.host}" != self.public_url:
-            raise web.HTTPFound(self.public_url)
+            raise web.HTTPFound(f"{self.public_url}{request.rel_url}")
+        self._check(request.query.get("key") or request.cookies.get(self._cookie))
         if self._program is not None:
             return web.Response(status=409, text=TAKEN)
         page = cast(web.Response, await super().handle_index(request))
         page.text = ELSEWHERE.sub("", page.text or "").replace("</body>", KEYS + "</body>")
         page.headers["Cache-Control"] = "no-store"  # left for another page, it is closed and not kept
+        page.set_cookie(self._cookie, self._key, httponly=True, samesite="Strict")
         return page
+
+    def _check(self, key: str | None) -> None:
+        if not secrets.compare_digest((key or "").encode(), self._key.encode()):
+            raise web.HTTPForbidden(text=NO_KEY)
 
     async def handle_websocket(self, request: web.Request) -> web.WebSocketResponse:
         """The connection of a page, from its begin to the end of its program."""
         if request.headers.get("Origin") != self.public_url:
             raise web.HTTPForbidden(text=FOREIGN)
+        self._check(request.cookies.get(self._cookie))
         if self._program is not None:
             raise web.HTTPConflict(text=TAKEN)
         websocket = web.WebSocketResponse(heartbeat=SILENT)
@@ -125,7 +139,7 @@ class SessionServer(Server):
 
     async def on_startup(self, app: web.Application) -> None:
         """Say where the page is."""
-        print(f"the session is at {self.public_url} ; Ctrl-C here ends it", flush=True)
+        print(f"the session is at {self.address} ; Ctrl-C here ends it", flush=True)
 
     async def on_shutdown(self, app: web.Application) -> None:
         """End the program with the server."""

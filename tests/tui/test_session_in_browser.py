@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 pytest.importorskip("textual_serve")
-from aiohttp import ClientSession, WSServerHandshakeError, web
+from aiohttp import ClientSession, CookieJar, WSServerHandshakeError, web
 
 from rover_sweep.cli.commands import session as served_session
 from rover_sweep.cli.commands.session import program
@@ -59,7 +59,10 @@ def with_server(
         await runner.setup()
         await web.TCPSite(runner, "127.0.0.1", port).start()
         try:
-            async with ClientSession(headers={"Origin": server.public_url}) as client:
+            jar = CookieJar(unsafe=True)  # keeps cookies of an address of numbers
+            async with ClientSession(headers={"Origin": server.public_url}, cookie_jar=jar) as client:
+                async with client.get(server.address) as page:
+                    assert page.status == 200
                 await test(client, server)
         finally:
             await runner.cleanup()
@@ -127,6 +130,20 @@ def test_a_second_page_and_another_site_are_refused(tmp_path: Path, unused_port:
     with_server(OBEYS, tmp_path / "mark", unused_port, refused)
 
 
+def test_without_the_key_nothing_opens(tmp_path: Path, unused_port: int) -> None:
+    async def refused(_: ClientSession, server: SessionServer) -> None:
+        async with ClientSession(headers={"Origin": server.public_url}) as stranger:
+            for address in (server.public_url, f"{server.public_url}/?key=guessed"):
+                async with stranger.get(address) as page:
+                    assert (page.status, await page.text()) == (403, session_server.NO_KEY)
+            with pytest.raises(WSServerHandshakeError) as without:
+                await stranger.ws_connect(f"{server.public_url}/ws")
+            assert without.value.status == 403
+        assert server._program is None
+
+    with_server(OBEYS, tmp_path / "mark", unused_port, refused)
+
+
 def test_the_page_takes_keys_without_a_click_and_needs_no_network(tmp_path: Path, unused_port: int) -> None:
     async def looked_at(client: ClientSession, server: SessionServer) -> None:
         async with client.get(server.public_url) as page:
@@ -160,6 +177,6 @@ def test_the_network_is_warned_of(
 ) -> None:
     monkeypatch.setattr(SessionServer, "serve", lambda server: None)
     served_session.serve("192.0.2.7", 8000)
-    assert "whoever reaches 192.0.2.7 can drive the rover" in capsys.readouterr().err
+    assert "reads the network of 192.0.2.7, can drive the rover" in capsys.readouterr().err
     served_session.serve("127.0.0.1", 8000)
     assert capsys.readouterr().err == ""

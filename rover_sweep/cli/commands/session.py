@@ -82,7 +82,7 @@ def session(
     show(source, setup, in_browser=in_browser)
 
 
-OPEN = "warning: whoever reaches {host} can drive the rover from this page; there is no password"
+OPEN = "warning: whoever has the address printed below, or reads the network of {host}, can drive the rover"
 ALL = ("0.0.0.0", "::", "")
 
 
