@@ -18,7 +18,7 @@ from rover_sweep.comparison.compare import Compared
 from rover_sweep.comparison.compare import compare as sides_compared
 from rover_sweep.comparison.differences import Known
 from rover_sweep.data.recording import Recording, keyed_frame
-from rover_sweep.data.results import ShortTable, Shown, ends_words, plain_number
+from rover_sweep.data.results import Progress, ShortTable, Shown, ends_words, plain_number
 from rover_sweep.diagnosis.result import BASELINES, Diagnosis, DiagnosisSettings
 from rover_sweep.diagnosis.simulation.experiment import experiment, in_order
 from rover_sweep.errors import DataRefused, UsageError
@@ -123,7 +123,7 @@ def diagnose(
     without: Sequence[str] = (),
     time_limit: float | None = None,
     seed: int = 1,
-    progress: Callable[[str, float], None] | None = None,
+    progress: Progress | None = None,
     stop: Callable[[], bool] | None = None,
 ) -> FullDiagnosis:
     """Find the physics that a model lacks: where, which effect, how large, and the evidence.
@@ -221,7 +221,7 @@ def compare(
     diagnosis: Diagnosis | None = None,
     effects: Sequence[str] | None = None,
     seed: int = 1,
-    progress: Callable[[str, float], None] | None = None,
+    progress: Progress | None = None,
     stop: Callable[[], bool] | None = None,
 ) -> Comparison:
     """Compare a simulation with the recordings whose steering and speed drove it.
@@ -252,7 +252,7 @@ def compared(
     found: Diagnosis,
     effects: Sequence[str] | None = None,
     seed: int = 1,
-    progress: Callable[[str, float], None] | None = None,
+    progress: Progress | None = None,
     stop: Callable[[], bool] | None = None,
     fitted: dict[tuple[str, ...], FittedSide] | None = None,
     measured: Known = MappingProxyType({}),

@@ -13,6 +13,7 @@ from rover_sweep.api.known_steering import has_linkage, known
 from rover_sweep.api.read import doublets_apart, refuse_overlap, refuse_without_sweep
 from rover_sweep.api.save import result_document
 from rover_sweep.data.recording import Recording
+from rover_sweep.data.results import Progress
 from rover_sweep.data.vehicle_file import Vehicle
 from rover_sweep.data.vehicle_geometry import geometry_of, tolerances_of
 from rover_sweep.diagnosis.effects import library
@@ -31,7 +32,6 @@ NOTHING_HELD_OUT = (
     "and give it with --hold-out"
 )
 MORE_COMPLETE: Mapping[str, Baseline] = {"tyre_slip": "bicycle", "roll_dof": "roll-yaw"}  # with the effect
-Progress = Callable[[str, float], None]
 Stop = Callable[[], bool]
 
 

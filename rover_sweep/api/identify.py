@@ -16,17 +16,17 @@ from typing import TYPE_CHECKING, Any
 
 from rover_sweep.api.known_steering import known
 from rover_sweep.api.read import Location, Runs, fitted_and_verified, load_structures
-from rover_sweep.data.recording import Recording, joined_frames
-from rover_sweep.data.results import ByName
-from rover_sweep.data.vehicle_file import Vehicle
+from rover_sweep.data.recording import OUTPUTS, Recording, joined_frames
+from rover_sweep.data.results import ByName, Progress
+from rover_sweep.data.vehicle_file import MODELS, Vehicle
 from rover_sweep.data.vehicle_geometry import MODEL_NAMES, geometry_of, tolerances_of
 from rover_sweep.errors import UsageError
-from rover_sweep.identification.grouping import FITTED, MODELS, Settings
+from rover_sweep.identification.grouping import FITTED, Settings
 from rover_sweep.identification.model_results import PHYSICAL, ModelResult
 from rover_sweep.identification.models import COLUMNS, ROWS
 from rover_sweep.identification.pipeline import Identification, identified_runs, usable
 from rover_sweep.identification.pipeline import identify as run_identification
-from rover_sweep.identification.state_space import OUTPUTS, ModelStructure
+from rover_sweep.identification.state_space import ModelStructure
 from rover_sweep.report.wording import Provenance, provenance
 from rover_sweep.spectra.response import Band, FrequencyResponse
 
@@ -191,14 +191,11 @@ class Result(Identification):
         return joined_frames({name: model.to_frame() for name, model in self.models.items()}, "model")
 
     def report(
-        self,
-        directory: Location = "report",
-        progress: Callable[[float, str], None] | None = None,
-        units: str = "SI",
+        self, directory: Location = "report", progress: Progress | None = None, units: str = "SI"
     ) -> ReportFiles:
         """Writes report.html, identification.json, pictures and models into a folder, default "report".
 
-        progress: called with the share written, 0..1, and the name of the next part. units: of the
+        progress: called with the name of the next part and the share written, 0..1. units: of the
         accelerations on the page, "SI" or "paper" (ft/s^2); the documents are in SI. UsageError for others.
 
         >>> result.report("report").page.name

@@ -18,11 +18,14 @@ from rover_sweep.api.diagnosis_input import Material, diagnosed, material
 from rover_sweep.api.known_steering import known
 from rover_sweep.data.geometry import FRICTION, GRAVITY, NEAR
 from rover_sweep.data.recording import Recording
+from rover_sweep.data.results import Progress
 from rover_sweep.data.vehicle_file import Vehicle
 from rover_sweep.data.vehicle_geometry import geometry_of, tolerances_of
 from rover_sweep.design.demand import space
+from rover_sweep.diagnosis.held_out import SWEPT
 from rover_sweep.diagnosis.plans.plan import Odds, RunValue, effects_of, run_values
 from rover_sweep.diagnosis.plans.planner import (
+    USUAL_SPEED,
     Limits,
     Plan,
     PlannedRun,
@@ -47,7 +50,7 @@ def plan_runs(
     vehicle: Vehicle,
     wanted: Sequence[str] = (),
     driven: Sequence[Recording] = (),
-    progress: Callable[[str, float], None] | None = None,
+    progress: Progress | None = None,
 ) -> Plan:
     """Which effects these runs can detect and separate, and which runs to add.
 
@@ -125,11 +128,9 @@ def as_planned(run: Recording, vehicle: Vehicle) -> PlannedRun:
 
 
 MOST_RUNS = 6
-USUAL_SPEED = 2.4  # m/s
 COMFORT = 0.75  # of the allowed lateral acceleration, for the first sweep
 LARGEST_FIRST = 240.0  # us
 MEASURED_US = 3.0  # us: a measured amplitude is that much less than the one driven
-FITTED_KINDS = ("sweep", "bias_sweep", "multisine")  # a doublet is held out; nothing drives on blocks
 Diagnose = Callable[[Material], Diagnosis]
 
 
@@ -282,9 +283,7 @@ def choices(driven: Sequence[PlannedRun], vehicle: Vehicle, bounds: Bounds) -> t
         most = largest_amplitude(speed, limits.ay, geometry_of(vehicle), abs(rad_per_us)) if speed else 0.0
         found.append(PlannedRun("sweep", min(most, limits.amplitude_us), speed))
     kept = [
-        run
-        for run in found
-        if run.kind in FITTED_KINDS and run.speed and (bounds.headings or run.heading is None)
+        run for run in found if run.kind in SWEPT and run.speed and (bounds.headings or run.heading is None)
     ]
     whole = (replace(run, amplitude_us=10.0 * ((run.amplitude_us + MEASURED_US) // 10.0)) for run in kept)
     return tuple(run for run in dict.fromkeys(whole) if fits(run, vehicle, bounds.ground))

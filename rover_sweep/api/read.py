@@ -26,10 +26,9 @@ from rover_sweep.data.recording import (
     steered,
 )
 from rover_sweep.data.results import ShortTable, Shown, plain_number
-from rover_sweep.data.vehicle_file import Vehicle
+from rover_sweep.data.vehicle_file import MODELS, Vehicle
 from rover_sweep.data.vehicle_file import load as load_vehicle
 from rover_sweep.errors import DataRefused, UsageError
-from rover_sweep.identification.grouping import MODELS
 from rover_sweep.identification.state_space import ModelStructure
 from rover_sweep.identification.toml_form import StructureError, structure_from_text
 from rover_sweep.logs.read import READ, existing_log, read_runs

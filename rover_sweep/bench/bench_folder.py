@@ -127,9 +127,6 @@ def _wrong(content: Mapping[str, Any]) -> str:
 # The result of a bench: numbers with intervals, and the reasons for missing ones.
 
 
-LEVEL = 0.90  # of every interval
-
-
 @dataclass(frozen=True)
 class Number:
     """A number with its standard deviation and interval. key: in the vehicle file, '' if it has none."""

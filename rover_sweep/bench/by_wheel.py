@@ -13,9 +13,10 @@ from typing import Any
 
 import numpy as np
 
-from rover_sweep.bench.bench_folder import LEVEL, BenchResult, Number, interval, rate_limit
+from rover_sweep.bench.bench_folder import BenchResult, Number, interval, rate_limit
 from rover_sweep.bench.static_curve import curve, driven, first_offset, static_numbers
 from rover_sweep.data.recording import Array
+from rover_sweep.data.results import LEVEL
 from rover_sweep.errors import DataRefused, UsageError
 
 # A bench with an IMU on the wheel as a least-squares problem: recorded PWM and measured wheel. Pure.

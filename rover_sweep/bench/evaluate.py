@@ -11,7 +11,6 @@ import numpy as np
 
 from rover_sweep.bench.bench_folder import (
     DESCRIPTION,
-    LEVEL,
     TELEMETRY,
     WHEEL_CSV,
     WHEEL_TLOG,
@@ -31,10 +30,12 @@ from rover_sweep.bench.by_wheel import (
 from rover_sweep.bench.static_curve import curve, static_numbers, wheel_behind_gap
 from rover_sweep.bench.steering_output import SteeringOutput
 from rover_sweep.data.recording import Array
+from rover_sweep.data.results import LEVEL
 from rover_sweep.data.vehicle_file import Vehicle
 from rover_sweep.errors import DataRefused, LinkError
 from rover_sweep.vehicle.link.link import Link
 from rover_sweep.vehicle.link.mavlink import Message, kind
+from rover_sweep.vehicle.run.controls import MANUAL
 
 # Angles read by hand at a staircase of PWM: the static curve and the play. Pure.
 
@@ -126,7 +127,6 @@ def _levels(offset: Array) -> int:
 
 MOVING = 0.5  # m/s; a GPS at rest shows up to about 0.2
 FIX_3D = 3  # GPS_FIX_TYPE
-MANUAL = 0  # custom_mode of Rover
 ASTRAY = 12.0  # us that the output may differ from what was asked for
 
 

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from rover_sweep.cli.views.output import echo
+from rover_sweep.data.recording import OUTPUTS
 from rover_sweep.data.vehicle_file import Measured
 from rover_sweep.errors import UsageError
 
@@ -127,9 +128,6 @@ class Grouped(click.Command):
         for heading, records in shown.items():
             with formatter.section(heading):
                 formatter.write_dl(records)
-
-
-OUTPUTS = ("r", "ay", "vydot", "p")
 
 
 class Parsed(click.ParamType):

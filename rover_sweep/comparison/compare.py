@@ -31,6 +31,7 @@ from rover_sweep.comparison.direct import (
     predicted,
     shared,
 )
+from rover_sweep.data.results import Progress
 from rover_sweep.diagnosis.effects import EffectParameter, every_form, form_named
 from rover_sweep.diagnosis.locate import mismatches
 from rover_sweep.diagnosis.posterior.infer import Options, infer
@@ -173,7 +174,6 @@ UNNAMED = (
     "the recordings have something that is not in the list of effects, as their diagnosis says, so no effect "
     "was looked for in the difference"
 )
-Progress = Callable[[str, float], None]
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,14 +15,14 @@ from scipy.fft import irfft, next_fast_len, rfft
 from rover_sweep.comparison.answer import Agreement, Bode, Instrument
 from rover_sweep.comparison.common_model import FittedSide
 from rover_sweep.comparison.differences import Found
-from rover_sweep.data.recording import Array
+from rover_sweep.data.recording import MOTIONS, Array
 from rover_sweep.diagnosis.held_out import SWEPT, frequency_responses_of, overlay_of
 from rover_sweep.diagnosis.problem.least_squares import columns, speed_drift
 from rover_sweep.diagnosis.problem.noise_floor import Floor, level_of
 from rover_sweep.diagnosis.problem.residuals import Problem, centred, signals_left, whitened, with_floor
 from rover_sweep.diagnosis.residual_maps import channel_name
 from rover_sweep.diagnosis.result import TimeHistory
-from rover_sweep.diagnosis.simulation.experiment import CHANNELS, RATE, Experiment
+from rover_sweep.diagnosis.simulation.experiment import RATE, Experiment
 from rover_sweep.diagnosis.simulation.simulator import logged
 from rover_sweep.errors import DataRefused
 
@@ -118,7 +118,7 @@ class Direct:
         return tuple(self._of_run(k, held_out) for k in range(len(self.pairs)))
 
     def _of_run(self, k: int, held_out: bool) -> Agreement:
-        parts = {c: self.problem.part(self.allowed, k, c) for c in CHANNELS}
+        parts = {c: self.problem.part(self.allowed, k, c) for c in MOTIONS}
         levels = {c: _rms(part) for c, part in parts.items() if part.size}
         pair = self.pairs[k]
         whole = _rms(self.problem.part(self.allowed, k))

@@ -11,6 +11,7 @@ from rover_sweep.data.recording import Array
 
 _DOTS = ((0x01, 0x02, 0x04, 0x40), (0x08, 0x10, 0x20, 0x80))  # by column and row within a character
 _BLANK = chr(0x2800)
+BARS = " ▁▂▃▄▅▆▇█"  # of rising height, in eighths
 Range = tuple[float, float]
 Point = tuple[float, float]
 

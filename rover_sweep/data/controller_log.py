@@ -7,11 +7,8 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
-from rover_sweep.data.recording import Array
-
-Mask = NDArray[np.bool_]
+from rover_sweep.data.recording import Array, Mask
 
 STALE_S = 0.1  # s; an unchanged measurement for longer shows that the controller did not run
 PAUSE = 0.5  # s between two rows after which the controller counts as stopped

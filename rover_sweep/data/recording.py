@@ -60,6 +60,10 @@ def _pandas() -> Any:
 
 
 Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+Mask = NDArray[np.bool_]
+MOTIONS = ("r", "ay", "p", "vy")  # of a run, as it was measured
+OUTPUTS = ("r", "ay", "vydot", "p")  # responses of the models
 ASSUMED = "factory value, assumed"  # source of a low-pass that was neither recorded nor given
 AT_LOOP = "at the main loop"  # end of the source of commands time-stamped at the main loop that applied them
 Kind = Literal["sweep", "bias_sweep", "doublet", "multisine", "throttle", "other"]

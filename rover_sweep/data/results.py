@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, fields
 from html import escape
 from typing import Any, Literal, Protocol, TypeVar
@@ -12,6 +12,7 @@ from typing import Any, Literal, Protocol, TypeVar
 import numpy as np
 
 Advice = Literal["keep", "repeat", "discard"]  # what to do with a run
+Progress = Callable[[str, float], None]  # told the current step and the share done, 0..1
 
 # Python's own numbers in results: `1.5`, not `np.float64(1.5)`, where a result is printed.
 

@@ -14,7 +14,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from importlib import resources
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 from rover_sweep.data.vehicle_rules import (
     FREE_KEYS,
@@ -29,6 +29,7 @@ from rover_sweep.errors import UsageError
 from rover_sweep.files.documents import read_toml, toml_hint, write_file
 
 Model = Literal["bicycle", "roll-yaw", "lumped"]
+MODELS: tuple[str, ...] = get_args(Model)
 
 # Keys that a model needs in addition to mass, a and b, which every file has.
 NEEDED: dict[Model, tuple[str, ...]] = {

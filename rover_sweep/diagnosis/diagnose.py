@@ -11,7 +11,7 @@ from threadpoolctl import threadpool_limits
 
 from rover_sweep.data.geometry import Geometry
 from rover_sweep.data.recording import Recording
-from rover_sweep.data.results import ByName
+from rover_sweep.data.results import ByName, Progress
 from rover_sweep.diagnosis.effects import library
 from rover_sweep.diagnosis.held_out import HeldOutRun, compare_held_out, overlays, worse_channels
 from rover_sweep.diagnosis.locate import mismatches
@@ -72,7 +72,6 @@ from rover_sweep.errors import DataRefused, UsageError
 from rover_sweep.identification.grouping import Group, Settings, grouped
 from rover_sweep.identification.model_results import determined_model
 
-Progress = Callable[[str, float], None]
 STOPPED = "not tried, because the diagnosis was stopped"
 
 

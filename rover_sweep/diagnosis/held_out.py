@@ -17,12 +17,11 @@ from rover_sweep.identification.fit import sampled, weighted_errors
 from rover_sweep.identification.verify import UNITS, theil
 from rover_sweep.identification.verify import Overlay as Channel
 from rover_sweep.quality.coherence import responses
-from rover_sweep.spectra.response import FrequencyResponse
+from rover_sweep.quality.verdict import Responses
 
 SWEPT = ("sweep", "bias_sweep", "multisine")  # a doublet excites too little for a frequency response
 SURE = 3.0  # standard deviations, from which two models differ on a run
 EXPLAINABLE = 1.05  # mean square of the rows above which a share removed is computed
-Responses = Mapping[str, FrequencyResponse]
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,13 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from rover_sweep.data.recording import Array, LowPass, Signal, stretches
+from rover_sweep.data.recording import Array, LowPass, Mask, Signal, stretches
 from rover_sweep.logs.find import still_intervals
 from rover_sweep.logs.log import Log, limits_of_steering
-
-Bool = NDArray[np.bool_]
 
 RATE = 50.0  # Hz of the grid: ten times the fastest steering that a rover answers
 SLOWEST = 0.3  # m/s; below it, the noise of the speed is a large share of the speed
@@ -144,15 +141,15 @@ def _continuous(steering: Signal, loop: float) -> Signal:
     return Signal(steering.t + 0.5 * loop, steering.x, steering.unit, steering.source)
 
 
-def _in_holes(signal: Signal, t: Array) -> Bool:
+def _in_holes(signal: Signal, t: Array) -> Mask:
     """Times (n,) between two samples of the signal that are further apart than `HOLE`."""
     k = np.clip(np.searchsorted(signal.t, t, "right"), 1, signal.t.size - 1)
     return signal.t[k] - signal.t[k - 1] > HOLE
 
 
-def _dead(yaw: Signal, t: Array, steering: Array) -> Bool:
+def _dead(yaw: Signal, t: Array, steering: Array) -> Mask:
     """Times (n,) in which the yaw rate has one value for `LONGEST_SAME` or more though the steering moves."""
-    found: Bool = np.zeros(t.size, bool)
+    found: Mask = np.zeros(t.size, bool)
     moves = 0.5 * float(np.std(steering))
     for a, b in stretches(np.diff(yaw.x) == 0):
         inside = (t >= yaw.t[a]) & (t <= yaw.t[b + 1])
@@ -161,7 +158,7 @@ def _dead(yaw: Signal, t: Array, steering: Array) -> Bool:
     return found
 
 
-def _near(mask: Bool, seconds: float) -> Bool:
+def _near(mask: Mask, seconds: float) -> Mask:
     """The mask widened by some seconds on both sides."""
     if not mask.any():
         return mask

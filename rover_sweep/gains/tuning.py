@@ -23,9 +23,8 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from rover_sweep.data.recording import Array
+from rover_sweep.data.recording import Array, Complex
 from rover_sweep.gains.controller import (
     disturbance_error,
     feedback_response,
@@ -38,7 +37,6 @@ from rover_sweep.gains.steering_chain import DEFAULTS, Autopilot, Gains, Sampled
 # Gain and phase margin, crossover and bandwidth of a sampled loop from its frequency response.
 
 
-Complex = NDArray[np.complex128]
 GAIN_MARGIN_DB, PHASE_MARGIN_DEG = 6.0, 45.0  # required of a proposal
 POINTS = 240
 

@@ -38,7 +38,7 @@ from rover_sweep.identification.handling import (
     has_handling,
     peak_lateral_acceleration,
 )
-from rover_sweep.identification.model_results import ModelResult
+from rover_sweep.identification.model_results import STIFFNESSES, ModelResult
 from rover_sweep.identification.models import LAG, lagged_fit
 from rover_sweep.identification.modes import mode_quantities, mode_values
 from rover_sweep.identification.refit import GroupReplicator, Known, refitted_replicates
@@ -132,7 +132,6 @@ def _interval(best: float, log: bool, theta: Array, failed: int) -> tuple[float,
 # The modes are widened by 1, 2 and, of the yaw mode, 3.
 
 
-STIFFNESSES = ("C", "Cf", "Cr")
 ROLL_LEFT_OUT = 0.35  # of Izz, above it: on simulated rovers the bicycle model's was 10 to 38 % too low
 DELAY = "tau"
 TIMING = 0.0025  # s, half a main loop at 200 Hz: error of the time stamps of commands and sensors

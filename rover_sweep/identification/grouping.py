@@ -9,12 +9,12 @@ import numpy as np
 
 from rover_sweep.data.recording import Recording
 from rover_sweep.data.results import PlainNumbers
+from rover_sweep.data.vehicle_file import MODELS
 from rover_sweep.identification.fit import Condition, sampled
 from rover_sweep.quality.coherence import input_responses, sign_is_wrong
 from rover_sweep.spectra.response import Band, FrequencyResponse, correlated_inputs, moving
 from rover_sweep.spectra.side_by_side import side_by_side
 
-MODELS = ("bicycle", "roll-yaw", "lumped")
 FITTED = ("r", "ay", "p")
 SAME_SPEED = 0.10  # relative difference of mean speeds within a group
 VARIED = 0.15  # standard deviation of the speed over its mean, from which a run has no single speed

@@ -11,6 +11,7 @@ import numpy as np
 from rover_sweep.data.geometry import Geometry
 from rover_sweep.data.recording import Array, Recording, data_frame, drawing
 from rover_sweep.data.results import ByName, PlainNumbers, Quantity, ShortTable, Shown
+from rover_sweep.data.vehicle_file import MODELS
 from rover_sweep.identification.conversion import to_control
 from rover_sweep.identification.fit import (
     Condition,
@@ -22,7 +23,7 @@ from rover_sweep.identification.fit import (
     is_stable,
     near_starts,
 )
-from rover_sweep.identification.grouping import MODELS, Group, Settings, grouped
+from rover_sweep.identification.grouping import Group, Settings, grouped
 from rover_sweep.identification.models import bicycle, kinematic, lumped, roll_yaw
 from rover_sweep.identification.state_space import ModelStructure
 from rover_sweep.identification.verdicts import (

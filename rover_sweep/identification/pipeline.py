@@ -13,9 +13,9 @@ from threadpoolctl import threadpool_limits
 
 from rover_sweep.data.geometry import Geometry
 from rover_sweep.data.plausibility import implausible
-from rover_sweep.data.recording import LowPass, Recording
+from rover_sweep.data.recording import OUTPUTS, LowPass, Recording
 from rover_sweep.data.results import ByName, PlainNumbers, Quantity, ShortTable, Shown, band_words, number
-from rover_sweep.data.vehicle_file import Vehicle
+from rover_sweep.data.vehicle_file import MODELS, Vehicle
 from rover_sweep.identification.bootstrap import with_intervals
 from rover_sweep.identification.both_ways import BothWays, both_ways, ways_compared
 from rover_sweep.identification.fit import (
@@ -27,7 +27,7 @@ from rover_sweep.identification.fit import (
     fit,
     has_zero_response,
 )
-from rover_sweep.identification.grouping import MODELS, Group, Settings, grouped
+from rover_sweep.identification.grouping import Group, Settings, grouped
 from rover_sweep.identification.handling import Handling, gain_error, handling, has_handling
 from rover_sweep.identification.model_results import (
     PHYSICAL,
@@ -46,7 +46,7 @@ from rover_sweep.identification.model_results import (
     wrong_wheelbase,
 )
 from rover_sweep.identification.models import kinematic, refitted_with_lag
-from rover_sweep.identification.state_space import OUTPUTS, ModelStructure
+from rover_sweep.identification.state_space import ModelStructure
 from rover_sweep.quality.coherence import input_responses
 from rover_sweep.quality.faults import (
     doubts,
@@ -121,7 +121,6 @@ def _has_finite_responses(structure: ModelStructure, conditions: Sequence[Condit
 # times too large.
 
 
-PLACED = ("roll-yaw", "bicycle")  # models with a physical yaw inertia
 MIN_DISTANCE = 0.02  # m from the CG: the effect of a smaller one is too small
 NOISE = 2.0  # J_ave of a perfect model with noise
 MAX_RISE = 1.25  # of J_ave, up to which a better yaw inertia still decides
@@ -144,7 +143,7 @@ def wrong_place(found: FitResult, conditions: Sequence[Condition], geometry: Geo
 def wrong_place_in(found: Sequence[Group], geometry: Geometry, model: str) -> str:
     """The same from groups of runs; '' when the model has no IMU position or cannot be identified."""
     groups = tuple(g for g in found if not g.why_not())
-    if model not in PLACED or not groups:
+    if model not in PHYSICAL or not groups:
         return ""
     work = Work(groups, geometry, (), Settings(models=(model,)))
     try:
@@ -338,7 +337,7 @@ def identify(
     if no_tyres:
         with_tyres = {n: m for n, m in models.items() if n != "kinematic"}
         models |= {n: m.lowered("not identifiable", (no_tyres,)) for n, m in with_tyres.items()}
-    placed = next((models[n] for n in PLACED if n in models), None)
+    placed = next((models[n] for n in PHYSICAL if n in models), None)
     turned = wrong_place(placed.fit, work.conditions(), geometry) if placed else ""
     of_file = (
         *implausible(geometry),

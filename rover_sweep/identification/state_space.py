@@ -23,8 +23,6 @@ from scipy.linalg import eigvals, expm
 from rover_sweep.data.recording import Array, LowPass
 from rover_sweep.spectra.windowed import Complex
 
-OUTPUTS = ("r", "ay", "vydot", "p")
-
 
 @dataclass(frozen=True)
 class Parameter:

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmware_params.applet_parameters import STATES
+from rover_sweep.data.recording import Array
 from rover_sweep.errors import DataRefused
 from rover_sweep.files.documents import printable
 from rover_sweep.live.played_runs import RunSpan, runs_in
@@ -37,8 +38,6 @@ from rover_sweep.vehicle.link.statustext import TextAssembler
 from rover_sweep.vehicle.link.streams import StreamQuality, stream_quality
 from rover_sweep.vehicle.preflight.rates import switch_of
 from rover_sweep.vehicle.run.follow import Follower
-
-Array = NDArray[np.float64]
 
 SILENT = 0.5  # s without a message of the applet, which logs at 84 Hz while it does anything: it is idle
 SAMPLE_EVERY = 0.1  # s

@@ -27,6 +27,7 @@ from rover_sweep.vehicle.link.mavlink import SAFETY_ARMED, Message, kind
 from rover_sweep.vehicle.preflight.rates import switch_of
 from rover_sweep.vehicle.preflight.read_rover import Check
 from rover_sweep.vehicle.run.controls import RunSettings
+from rover_sweep.vehicle.run.one_run import STEERING_FUNCTION
 
 # The state of a rover at an instant, and the verdict on a run, as values for a screen.
 
@@ -250,7 +251,6 @@ STALE_SLOW = 10.0  # s, for the battery, the satellites and the EKF's state
 RATE_OVER = 1.0  # s of the vehicle's clock over which messages are counted
 _MOST_TIMES = 20_000  # messages in RATE_OVER, so that a clock that stopped cannot fill the memory
 _MOST_PARAMETERS = 5000  # names; ArduRover 4.6 has 1,300
-_STEERING_FUNCTION = 26  # SERVOn_FUNCTION GroundSteering
 _NO_VOLTAGE, _NO_SATELLITES = 65535, 255  # "not known" in SYS_STATUS and GPS_RAW_INT
 _OUTPUT, _RADIO = re.compile(r"^SERVO(\d+)_FUNCTION$"), re.compile(r"^RC(\d+)_OPTION$")
 _STRAIGHT, _STEERED, _DONE, _STOPPED = 3, range(3, 9), 9, 10  # states of the applet
@@ -413,7 +413,7 @@ class Telemetry:
         name, value = str(m.param_id), float(m.param_value)
         if name in self.parameters or len(self.parameters) < _MOST_PARAMETERS:
             self.parameters[name] = value
-        if (match := _OUTPUT.match(name)) and round(value) == _STEERING_FUNCTION:
+        if (match := _OUTPUT.match(name)) and round(value) == STEERING_FUNCTION:
             self.steering = int(match[1])
         elif name == f"{PREFIX}CHAN" or _RADIO.match(name):
             self.switch = switch_of(self.parameters, self.switch)

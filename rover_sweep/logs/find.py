@@ -6,9 +6,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from rover_sweep.data.recording import Kind, Note, Recording, Signal, stretches
+from rover_sweep.data.recording import Kind, Mask, Note, Recording, Signal, stretches
 from rover_sweep.errors import DataRefused
 from rover_sweep.logs.applet import (
     OVERRIDE_STATES,
@@ -39,7 +38,6 @@ from rover_sweep.logs.wave import (
     usual_way,
 )
 
-Bool = NDArray[np.bool_]
 Interval = tuple[float, float]
 
 LEAD = 3.0  # s, most straight driving kept before and after the excitation
@@ -268,7 +266,7 @@ def _rms(signal: Signal, grid: Array) -> Array:
     return np.where(hi > lo, np.sqrt(np.maximum(square - mean**2, 0.0)), np.inf)
 
 
-def _intervals(grid: Array, holds: Bool) -> tuple[Interval, ...]:
+def _intervals(grid: Array, holds: Mask) -> tuple[Interval, ...]:
     """Intervals (start, end) [s] of at least a second in which the mask `holds` (n,) is true."""
     parts = np.split(np.arange(grid.size), np.flatnonzero(np.diff(grid) > HOLE) + 1)
     found = []

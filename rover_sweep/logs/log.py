@@ -12,11 +12,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rover_sweep.data.recording import ASSUMED, LowPass, Note, Signal
+from rover_sweep.data.recording import ASSUMED, Array, LowPass, Note, Signal
 from rover_sweep.errors import DataRefused
 from rover_sweep.files.documents import printable
-
-Array = NDArray[np.float64]
 
 STEERING, THROTTLE, THRUST_LEFT, THRUST_RIGHT = 26, 70, 73, 74  # SERVOn_FUNCTION (ArduRover 4.6 parameters)
 APPLET_LIMITS = ("SWP_PWM_MAX", "SWP_R_MAX", "SWP_P_MAX")

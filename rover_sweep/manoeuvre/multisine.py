@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+
 Lines = NDArray[np.int64]
 
 # Index (0 to 3) of the odd line that is not excited, for each four lines; never the lowest or two neighbours.

@@ -11,13 +11,10 @@ from dataclasses import asdict, dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from firmware_params.applet_parameters import PARAMETERS, PREFIX, TYPES, for_manoeuvre
 from rover_sweep.errors import UsageError
-from rover_sweep.manoeuvre.multisine import Multisine, fading
-
-Array = NDArray[np.float64]
+from rover_sweep.manoeuvre.multisine import Array, Multisine, fading
 
 C1 = 4.0  # Tischler & Remple 2012, chapter 5; equation (5) of the paper is misprinted, see `Sweep.rate`
 C2 = 0.0187
@@ -214,7 +211,7 @@ def refuse_undersampled(manoeuvre: Manoeuvre, loop_rate: float) -> None:
 # The manoeuvre configured in the applet's parameters.
 
 
-_DEFAULTS = {p.name: p.default for p in PARAMETERS}
+DEFAULTS = {p.name: p.default for p in PARAMETERS}
 
 
 def configured_manoeuvre(values: Mapping[str, float]) -> Manoeuvre | None:
@@ -224,7 +221,7 @@ def configured_manoeuvre(values: Mapping[str, float]) -> Manoeuvre | None:
     """
     if not any(name.startswith(PREFIX) for name in values):
         return None
-    known = {**_DEFAULTS, **values}
+    known = {**DEFAULTS, **values}
     try:
         return _made(known)
     except ValueError:

@@ -12,17 +12,15 @@ from math import log
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rover_sweep.data.geometry import STANDARD_GRAVITY
-from rover_sweep.data.recording import Array, LowPass, Note, Recording
+from rover_sweep.data.recording import Array, Complex, LowPass, Note, Recording
 
 STEP = 0.02  # s, of the common clock
 LOWEST, HIGHEST = 0.5, 8.0  # rad/s, band of the comparison
 PERIODS = 2.0  # of the lowest frequency, in the run
 SHORTEST = 4.0  # s, of a run
 SLOWEST = 4.0  # Hz, of a channel
-Complex = NDArray[np.complex128]
 
 
 @dataclass(frozen=True)

@@ -19,6 +19,7 @@ from rover_sweep.comparison.answer import (
     TwinDrive,
 )
 from rover_sweep.data.codec import encoded, in_json
+from rover_sweep.data.recording import MOTIONS
 from rover_sweep.data.results import Quantity, ends_words, number
 from rover_sweep.diagnosis.result import TimeHistory
 from rover_sweep.files.documents import write_file
@@ -159,7 +160,6 @@ BOUNDS = (
     "Recordings minus simulation, at 95 %: these runs do not exclude a difference within this range. "
     "relative: 0.05 is 5 % of the number. matters: smaller is normal tolerance."
 )
-CHANNELS = ("r", "ay", "p", "vy")
 AGREES = 1.3
 
 
@@ -183,7 +183,7 @@ def value_text(v: Quantity) -> str:
 
 def agreement_table(agreement: Sequence[Agreement]) -> Table:
     """Each run against its simulation, per channel and over all."""
-    shown = [c for c in CHANNELS if any(c in a.channels for a in agreement)]
+    shown = [c for c in MOTIONS if any(c in a.channels for a in agreement)]
     rows: list[Cells] = [
         (a.run, _role(a.held_out), *(number(a.channels.get(c), 2) for c in shown), _level(a.overall))
         for a in agreement

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -13,6 +13,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from rover_sweep.data.recording import Signal
+from rover_sweep.data.results import Progress
 from rover_sweep.files.documents import printable_lines, remove_file, write_file
 from rover_sweep.report.charts.chart import kept_points
 from rover_sweep.report.charts.static_svg import (
@@ -28,16 +29,15 @@ from rover_sweep.report.document import ON_PAGE, Document, charts_of, shown
 from rover_sweep.report.wording import versions
 
 Charts = Mapping[str, ShownChart]
-Progress = Callable[[float, str], None]
 
 
 def made_charts(document: Document, progress: Progress | None = None) -> dict[str, ShownChart]:
-    """{name: chart} of a page. progress: called with the share done, 0..1, and the step."""
+    """{name: chart} of a page. progress: called with the step and the share done, 0..1."""
     plans = list(charts_of((*document.answer, *document.sections)))
     made: dict[str, ShownChart] = {}
     for k, plan in enumerate(plans):
         if progress:
-            progress(k / len(plans), f"drawing {plan.name}")
+            progress(f"drawing {plan.name}", k / len(plans))
         made[plan.name] = shown_chart(plan)
     return made
 

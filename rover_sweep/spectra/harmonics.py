@@ -16,14 +16,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rover_sweep.data.recording import Array, Recording, Signal
+from rover_sweep.data.recording import Array, Complex, Mask, Recording, Signal
 from rover_sweep.data.results import ShortTable, Shown
 from rover_sweep.errors import DataRefused
 from rover_sweep.manoeuvre.multisine import Multisine
 from rover_sweep.spectra.windowed import Transformer, hann
-
-Bool = NDArray[np.bool_]
-Complex = NDArray[np.complex128]
 
 CHANNELS = ("pwm", "r", "ay", "p", "phi", "speed")
 STEP = 0.01  # s: grid of the search for the wave
@@ -47,14 +44,14 @@ class LineLevels:
     unit: str
     w: Array
     level: Array
-    excited: Bool
-    even: Bool
-    odd: Bool
-    between: Bool
+    excited: Mask
+    even: Mask
+    odd: Mask
+    between: Mask
     even_chance: float
     odd_chance: float
 
-    def db(self, lines: Bool) -> float:
+    def db(self, lines: Mask) -> float:
         """Rms level over a mask: `excited`, `even`, `odd` or `between`; dB re 1 unit."""
         return float(10 * np.log10(np.mean(self.level[lines] ** 2))) if lines.any() else math.nan
 
@@ -207,7 +204,7 @@ def _sampled_lines(samples: Signal, w: Array) -> Complex:
     return np.asarray(found[: w.size] - 1j * found[w.size :])
 
 
-def _noise(power: Array, between: Bool) -> Array:
+def _noise(power: Array, between: Mask) -> Array:
     """Noise power (n,) at every frequency: mean over the nearest frequencies between lines."""
     k = np.flatnonzero(between)
     total = np.concatenate(([0.0], np.cumsum(power[k])))
@@ -216,7 +213,7 @@ def _noise(power: Array, between: Bool) -> Array:
     return np.asarray((total[hi] - total[lo]) / (hi - lo))
 
 
-def _chance(power: Array, noise: Array, lines: Bool, between: Bool) -> float:
+def _chance(power: Array, noise: Array, lines: Mask, between: Mask) -> float:
     """Probability that noise alone is as strong at these lines: F test of their power over the noise."""
     from scipy.special import fdtrc
 

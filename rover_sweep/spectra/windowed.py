@@ -14,12 +14,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rover_sweep.data.recording import Array, Signal
+from rover_sweep.data.recording import Array, Complex, Signal
 
 # Fourier sums of samples at given frequencies, on any time stamps.
-
-
-Complex = NDArray[np.complex128]
 
 
 def _exponentials(t: Array, w: Array) -> Complex:

@@ -8,10 +8,10 @@ from math import pi, sqrt
 from typing import Literal
 
 from rover_sweep.data.results import number
+from rover_sweep.data.vehicle_file import MODELS
 from rover_sweep.identification.handling import handling
 from rover_sweep.report.wording import SHORT_NAMES, symbol, unit
 from rover_sweep.study import published
-from rover_sweep.study.published import MODELS
 from rover_sweep.study.virtual_study import Practice, Study
 
 Outcome = Literal["came out", "came out in part", "did not come out"]
@@ -280,7 +280,7 @@ def stiffness(study: Study) -> StudyFinding:
 
 def delays(study: Study) -> StudyFinding:
     """Tables 2 to 4: equivalent delays of 71 to 88 ms, and how much of them the sensor filters explain."""
-    names = published.MODELS
+    names = MODELS
     ours, known = ({m: p.fit(m)["tau"].value for m in names} for p in (study.paper, study.known))
     printed = {m: published.PARAMETERS[m]["tau"].value for m in names}
     share = {m: ours[m] - known[m] for m in names}

@@ -22,7 +22,6 @@ PAPER = (
     "Ivler, Gowans and Marfise, System identification of rover dynamics: a comparison of three model "
     "structures, Int. J. Modelling, Identification and Control 40 (1), 2022, pp. 70-83"
 )
-MODELS = ("bicycle", "roll-yaw", "lumped")
 
 
 @dataclass(frozen=True)

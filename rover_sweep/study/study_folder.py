@@ -9,6 +9,8 @@ from math import degrees
 from pathlib import Path
 from typing import Any
 
+from rover_sweep.data.results import Progress
+from rover_sweep.data.vehicle_file import MODELS
 from rover_sweep.files.documents import write_file
 from rover_sweep.identification.handling import handling, has_handling
 from rover_sweep.report.charts.chart import ChartPlan
@@ -19,11 +21,10 @@ from rover_sweep.report.wording import PAPER as PAPER_UNITS
 from rover_sweep.report.wording import strict_json, versions, versions_words
 from rover_sweep.study import published
 from rover_sweep.study.findings import FINDINGS, StudyFinding
-from rover_sweep.study.published import MODELS, PAPER
+from rover_sweep.study.published import PAPER
 from rover_sweep.study.virtual_study import (
     CHECKS,
     Practice,
-    Progress,
     Study,
     cost_comparison,
     parameter_comparison,

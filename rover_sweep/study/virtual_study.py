@@ -2,24 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from rover_sweep.data.geometry import Geometry
-from rover_sweep.data.recording import Recording
-from rover_sweep.data.results import number
+from rover_sweep.data.recording import OUTPUTS, Recording
+from rover_sweep.data.results import Progress, number
+from rover_sweep.data.vehicle_file import MODELS
 from rover_sweep.identification.fit import Condition, FitResult, ResponseData, fit
 from rover_sweep.identification.grouping import Group, Settings
 from rover_sweep.identification.models import lumped, roll_yaw
 from rover_sweep.identification.pipeline import TITLES, Identification, identify
-from rover_sweep.identification.state_space import OUTPUTS, ModelStructure
+from rover_sweep.identification.state_space import ModelStructure
 from rover_sweep.identification.verify import Verification, verify
 from rover_sweep.manoeuvre.sweep import Doublet, Manoeuvre, Sweep
 from rover_sweep.report.document import Cell, Table
 from rover_sweep.report.wording import OUTPUT_NAMES, percent, symbol, unit
 from rover_sweep.spectra.response import Band, usable_band
 from rover_sweep.study import published
-from rover_sweep.study.published import BANDS, MODELS, SPEED, SWEEP, Firmware, virtual_drive
+from rover_sweep.study.published import BANDS, SPEED, SWEEP, Firmware, virtual_drive
 from sitl.plant.variant import PlantParameters, load_variant
 
 # The test plan of the study: manoeuvres, grounds, speeds and seeds.
@@ -36,7 +37,6 @@ CHECKS: Mapping[str, str] = {
     "grass": f"doublet on artificial grass, {SPEED:g} m/s",
     "fast": f"doublet on asphalt, {FAST:g} m/s",
 }
-Progress = Callable[[float, str], None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +62,7 @@ def drive_all(seed: int, progress: Progress) -> StudyRuns:
     ]
     recordings = []
     for k, (name, rover, manoeuvre, speed) in enumerate(plan):
-        progress(k / len(plan), f"driving {name}")
+        progress(f"driving {name}", k / len(plan))
         recordings.append(virtual_drive(name, rover, manoeuvre, speed, 1000 * seed + k, firmware))
     checks = dict(zip(CHECKS, recordings[SWEEPS:], strict=True))
     return StudyRuns(asphalt, grass, firmware, tuple(recordings[:SWEEPS]), checks)
@@ -150,15 +150,15 @@ class Study:
 
 
 def study(seed: int = 1, progress: Progress | None = None) -> Study:
-    """Drives and identifies; the same seed gives the same numbers. progress: share done 0..1, and what."""
-    report: Progress = progress or (lambda share, what: None)
-    runs = drive_all(seed, lambda share, what: report(0.35 * share, what))
+    """Drives and identifies; the same seed gives the same numbers. progress: step, and share done 0..1."""
+    report: Progress = progress or (lambda step, share: None)
+    runs = drive_all(seed, lambda step, share: report(step, 0.35 * share))
     known_geometry = geometry(runs.asphalt)
     practices: dict[str, Practice] = {}
     for k, (key, title, words, filtered, fitted) in enumerate(_PRACTICES):
-        report(0.35 + 0.2 * k, f"identifying: {title}")
+        report(f"identifying: {title}", 0.35 + 0.2 * k)
         practices[key] = Practice(key, title, words, _identified(runs, known_geometry, filtered, fitted))
-    report(0.95, "explaining")
+    report("explaining", 0.95)
     known = practices["known"]
     truth = roll_yaw(known_geometry, tied=False).with_values(true_parameters(runs.asphalt))
     coherent = {o: usable_band(f.w, f.coherence) for o, f in known.group.responses.items()}

@@ -16,15 +16,13 @@ from textual.screen import ModalScreen
 from textual.widgets import Static
 
 from firmware_params.applet_parameters import SWITCH_HIGH, SWITCH_LOW
+from rover_sweep.data.braille import BARS
 from rover_sweep.files.documents import printable_lines, same_length
 from rover_sweep.manoeuvre.multisine import Multisine
 from rover_sweep.manoeuvre.sweep import Doublet, Manoeuvre, Sweep
 from rover_sweep.vehicle import identity as vehicle_modes
 
 # Numbers as characters: bar, pointer between limits, short history, number or dash.
-
-
-_STEPS = " ▁▂▃▄▅▆▇█"
 
 
 def bar(share: float, width: int) -> str:
@@ -55,7 +53,7 @@ def column_chart(values: Sequence[float], low: float, high: float, width: int, r
     """
     heights = [_height(value, low, high, rows) for value in values[-width:]]
     return [
-        "".join(_STEPS[min(8, max(0, height - 8 * row))] for height in heights).rjust(width)
+        "".join(BARS[min(8, max(0, height - 8 * row))] for height in heights).rjust(width)
         for row in reversed(range(rows))
     ]
 

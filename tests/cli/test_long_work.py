@@ -17,7 +17,7 @@ def told(
     monkeypatch.setattr(module.time, "monotonic", lambda: next(clock))
     with long_work("diagnosing") as report:
         for k in range(len(times)):
-            report((k + 1) / len(times), f"step {k + 1}")
+            report(f"step {k + 1}", (k + 1) / len(times))
     return capsys.readouterr().err.splitlines()
 
 

@@ -66,13 +66,13 @@ def test_writing_again_removes_what_is_no_longer_true_tells_its_progress_and_kee
         (tmp_path / stale).parent.mkdir()
         (tmp_path / stale).write_text("old")
     (tmp_path / "notes.txt").write_text("mine")
-    told: list[tuple[float, str]] = []
+    told: list[tuple[str, float]] = []
     files = write_report(
-        stock.result, tmp_path, stock.provenance, lambda share, what: told.append((share, what))
+        stock.result, tmp_path, stock.provenance, lambda step, share: told.append((step, share))
     )
     found = names(tmp_path)
     assert "models/bicycle.json" not in found and "pictures/old.svg" not in found and "notes.txt" in found
-    shares = [share for share, _ in told]
+    shares = [share for _, share in told]
     assert shares == sorted(shares) and shares[0] == 0 and shares[-1] == 1
     written = (files.document, files.page, files.responses, *files.pictures, *files.models)
     assert {str(p.relative_to(tmp_path)) for p in written} == (found - {"notes.txt"})

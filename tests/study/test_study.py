@@ -11,11 +11,12 @@ import pytest
 
 from rover_sweep.cli.main import run as command
 from rover_sweep.data.recording import Recording
+from rover_sweep.data.vehicle_file import MODELS
 from rover_sweep.manoeuvre.sweep import Doublet
 from rover_sweep.report.wording import strict_json
 from rover_sweep.study import findings, published
 from rover_sweep.study import findings as parameter_findings
-from rover_sweep.study.published import MODELS, Firmware, virtual_drive
+from rover_sweep.study.published import Firmware, virtual_drive
 from rover_sweep.study.study_folder import all_findings, outcome_counts, study_document
 from rover_sweep.study.virtual_study import Study, drive_all, tables
 from sitl.plant.variant import load_variant
@@ -239,7 +240,7 @@ def test_the_document_carries_every_printed_value(done: Study) -> None:
 
 
 def test_the_same_seed_drives_the_same_plan(done: Study) -> None:
-    again = drive_all(1, lambda share, what: None)
+    again = drive_all(1, lambda step, share: None)
     for first, second in zip(
         (*done.runs.sweeps, *done.runs.checks.values()), (*again.sweeps, *again.checks.values()), strict=True
     ):

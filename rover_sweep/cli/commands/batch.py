@@ -91,7 +91,7 @@ def _progress(what: str, count: int) -> Iterator[Progress]:
         def show(done: int, left: int) -> None:
             if not done and left < count:
                 narration().print(f"{count - left} of {count} {what}s were done before")
-            work(done / max(left, 1), f"{done} of {left}")
+            work(f"{done} of {left}", done / max(left, 1))
             if done and done == left:
                 narration().print(f"{done} of {left} {what}s done")
 

@@ -28,13 +28,13 @@ from rover_sweep.cli.options import (
     option,
     options,
 )
+from rover_sweep.data.vehicle_file import MODELS
 from rover_sweep.errors import DataRefused, UsageError
 
 if TYPE_CHECKING:
     from rover_sweep.api.read import Reading
     from rover_sweep.identification.identify_speed import SpeedResult
 
-MODELS = ("bicycle", "roll-yaw", "lumped")
 REPLACED = ("report.html", "speed.html", "driving.html", "pictures/*", "models/*")  # by a new report
 
 

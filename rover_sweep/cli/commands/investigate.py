@@ -213,7 +213,7 @@ def plan(
         [*(as_planned(run, rover) for run in driven), *sweep, *doublet, *bias_sweep, *multisine, *blocks]
     )
     with long_work("computing which effects these runs separate") as report:
-        found = plan_runs(runs, rover, wanted, driven, lambda what, share: report(share, what))
+        found = plan_runs(runs, rover, wanted, driven, report)
     if as_json:
         echo_json(strict_json(plan_document(found)))
         return

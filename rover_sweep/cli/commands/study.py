@@ -31,10 +31,10 @@ def study(
     check_writable(Path(out))
     console = results(as_json)
     with long_work("the study") as report:
-        result = run(seed, lambda share, what: report(0.75 * share, what))
+        result = run(seed, lambda step, share: report(step, 0.75 * share))
         found = all_findings(result)
         document, page = write_study(
-            result, found, Path(out), lambda share, what: report(0.75 + 0.25 * share, what)
+            result, found, Path(out), lambda step, share: report(step, 0.75 + 0.25 * share)
         )
     console.print(on_terminal(study_report(result, found), answer_last=True))
     console.print(f"study: {page}", soft_wrap=True)

@@ -82,7 +82,7 @@ def show_identified(
     document = identification_report(result, result.origin, SHOWN_UNITS[units], more=table)
     shown.print(on_terminal(document, full, answer_last=True))
     with long_work("writing the report") as progress:
-        files = result.report(out, lambda share, what: progress(share, f"writing {what}"), units)
+        files = result.report(out, lambda step, share: progress(f"writing {step}", share), units)
     if not full:
         shown.print("all models, costs and handling: in the report, or here with --full", style="dim")
     shown.print(f"report: {files.page}", soft_wrap=True)
@@ -160,7 +160,7 @@ def diagnosis_of(
 ) -> Diagnosis:
     """The diagnosis, with its progress on stderr; with the findings so far once a stop is asked for."""
     with long_work(what) as report:
-        return diagnosed(given, vehicle, settings, lambda what, share: report(share, what), stop)
+        return diagnosed(given, vehicle, settings, report, stop)
 
 
 def show_compared(

@@ -21,6 +21,7 @@ from rover_sweep.cli.views.output import narration, results
 from rover_sweep.data.results import number
 from rover_sweep.data.vehicle_file import Vehicle, load
 from rover_sweep.errors import LinkError, UsageError, missing_extra
+from rover_sweep.identification.model_results import PHYSICAL
 from rover_sweep.identification.pipeline import TITLES, Identification, usable
 from rover_sweep.report.document import Cell, Table
 from rover_sweep.report.export.plant_variant import variant_text
@@ -70,14 +71,11 @@ def folder_with_rover(
     return folder, (load(path), path)
 
 
-_PHYSICAL = ("roll-yaw", "bicycle")  # models with physical parameters, whose true values are known
-
-
 def truth_table(variant: str, result: Identification) -> Table | None:
     """True and identified numbers, else the recommended physical model's parameters; None without any."""
     rover = resolved(load_variant(variant))
     models = usable(result)
-    name = next((n for n in (result.recommended, *_PHYSICAL) if n in models and n in _PHYSICAL), None)
+    name = next((n for n in (result.recommended, *PHYSICAL) if n in models and n in PHYSICAL), None)
     if name is None:
         return None
     true = truth(rover)

@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from rover_sweep.cli.views.output import echo, narration
+from rover_sweep.data.results import Progress
 from rover_sweep.errors import UsageError
 from rover_sweep.files.documents import printable_lines
 from rover_sweep.system import STOP_SIGNALS, drop_typed
@@ -84,18 +85,17 @@ def let_go_on_signals() -> Iterator[None]:
 
 FIRST, EVERY = 2.0, 5.0  # s to the first plain line, and between them
 EARLY = 0.03  # share done below which the time left is not estimated
-Report = Callable[[float, str], None]
 
 
 @dataclass(frozen=True)
 class ShownWork:
-    """Called with the share done, 0..1, and the current step. tell: a line above the bar, terminals only."""
+    """Called with the current step and the share done, 0..1. tell: a line above the bar, terminals only."""
 
-    report: Report
+    report: Progress
     tell: Callable[[str], None]
 
-    def __call__(self, share: float, step: str) -> None:
-        self.report(share, step)
+    def __call__(self, step: str, share: float) -> None:
+        self.report(step, share)
 
 
 @contextmanager
@@ -108,28 +108,29 @@ def long_work(what: str) -> Iterator[ShownWork]:
     if not console.is_terminal:
         yield ShownWork(_plain_lines(what, time.monotonic), lambda line: None)
         return
-    from rich.progress import BarColumn, Progress, SpinnerColumn, TaskProgressColumn, TextColumn
+    from rich.progress import BarColumn, SpinnerColumn, TaskProgressColumn, TextColumn
+    from rich.progress import Progress as Bar
     from rich.progress import TimeElapsedColumn as Elapsed
 
     words = TextColumn("{task.description:<42.42}", markup=False)
     left = TextColumn("{task.fields[left]}", markup=False)
     columns = (SpinnerColumn(), words, BarColumn(20), TaskProgressColumn(), Elapsed(), left)
-    with Progress(*columns, console=console, transient=True) as progress:
+    with Bar(*columns, console=console, transient=True) as progress:
         task = progress.add_task(what, total=None, left="")
         started = time.monotonic()
 
-        def show(share: float, step: str) -> None:
+        def show(step: str, share: float) -> None:
             rest = left_words(time.monotonic() - started, share)
             progress.update(task, total=1.0, completed=share, description=step or what, left=rest)
 
         yield ShownWork(show, lambda line: console.print(line, style="dim"))
 
 
-def _plain_lines(what: str, clock: Callable[[], float]) -> Report:
+def _plain_lines(what: str, clock: Callable[[], float]) -> Progress:
     started = clock()
     last = started + FIRST - EVERY
 
-    def show(share: float, step: str) -> None:
+    def show(step: str, share: float) -> None:
         nonlocal last
         now = clock()
         if now - last < EVERY:

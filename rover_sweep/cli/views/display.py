@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rover_sweep.cli.views.asking import forget_typed
+from rover_sweep.data.braille import BARS
 from rover_sweep.data.recording import Array
 from rover_sweep.files.documents import printable_lines
 from rover_sweep.vehicle import events as e
@@ -233,10 +234,7 @@ def _hanging(head: str, text: str) -> str:
     return textwrap.fill(text, width, initial_indent=head, subsequent_indent=" " * len(head))
 
 
-_BLOCKS = " ▁▂▃▄▅▆▇█"
-
-
 def blocks(values: Array, low: float, high: float) -> str:
     """One line of bars: values (n,) between `low` (empty) and `high` (full)."""
     share = np.clip((values - low) / (high - low), 0, 1)
-    return "".join(_BLOCKS[round(8 * float(s))] for s in share)
+    return "".join(BARS[round(8 * float(s))] for s in share)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Literal
@@ -10,6 +10,7 @@ from typing import Literal
 import numpy as np
 
 from rover_sweep.data.geometry import Geometry, Tolerances
+from rover_sweep.data.results import Progress
 from rover_sweep.diagnosis.effects import Effect
 from rover_sweep.diagnosis.plans.expected_posterior import (
     NOISE,
@@ -225,9 +226,6 @@ def _around(a: float, v: float, rover: Geometry, rad_per_us: float, limits: Limi
         yield PlannedRun("bias_sweep", half, speed, bias_us=half)
         yield PlannedRun("multisine", a, speed)
     yield PlannedRun("servo_test", a, 0.0)
-
-
-Progress = Callable[[str, float], None]
 
 
 @dataclass(eq=False)

@@ -13,6 +13,7 @@ from functools import partial
 
 import numpy as np
 
+from rover_sweep.data.results import Progress
 from rover_sweep.diagnosis.effects import Effect
 from rover_sweep.diagnosis.problem.least_squares import COARSE, Fitted, fit, sensitivities
 from rover_sweep.diagnosis.problem.residuals import Problem, Stopped
@@ -29,7 +30,6 @@ from rover_sweep.diagnosis.search import (
 from rover_sweep.diagnosis.simulation.candidates import DEGREES_OF_FREEDOM, Model
 from rover_sweep.spectra.side_by_side import side_by_side
 
-Progress = Callable[[str, float], None]
 DONE = (0.2, 0.5, 0.7)  # shares of the whole work at which the levels begin, as in typical diagnoses
 WIDTH = (10, 4, 2)  # effects that are fitted to an explanation of 0, 1, 2 effects
 BEAM = (1, 2, 1)  # explanations of 0, 1, 2 effects that are extended

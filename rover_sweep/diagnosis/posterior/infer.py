@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from rover_sweep.data.geometry import Geometry, Tolerances
+from rover_sweep.data.results import Progress
 from rover_sweep.diagnosis.effects import Effect
 from rover_sweep.diagnosis.held_out import HeldOutRun, scaled_floor, worse_by
 from rover_sweep.diagnosis.posterior.explanations import explored, refitted
@@ -45,7 +46,7 @@ class Options:
 
     only: tuple[str, ...]
     without: tuple[str, ...]
-    progress: Callable[[str, float], None]
+    progress: Progress
     stop: Callable[[], bool]
 
 

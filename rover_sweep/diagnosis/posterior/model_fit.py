@@ -12,7 +12,7 @@ import numpy as np
 from scipy.fft import rfft
 
 from rover_sweep.data.geometry import GRAVITY
-from rover_sweep.data.recording import Array
+from rover_sweep.data.recording import MOTIONS, Array
 from rover_sweep.diagnosis.effects.effect import (
     Effect,
     EffectParameter,
@@ -33,7 +33,7 @@ from rover_sweep.diagnosis.problem.least_squares import (
 )
 from rover_sweep.diagnosis.problem.residuals import Problem, Rows, problem, signals_left
 from rover_sweep.diagnosis.simulation.candidates import Model, possible
-from rover_sweep.diagnosis.simulation.experiment import CHANNELS, RATE, Experiment
+from rover_sweep.diagnosis.simulation.experiment import RATE, Experiment
 from rover_sweep.diagnosis.simulation.simulator import logged, motion, sensed
 from rover_sweep.diagnosis.simulation.table_law import FORCES, force_at
 
@@ -258,7 +258,7 @@ class ModelFit:
     @property
     def misfit(self) -> dict[str, float]:
         """{channel: mean square of its residual rows with tolerances allowed for, 1 at the noise floor}."""
-        parts = {c: self.problem.part(self.fitted.rows, channel=c) for c in CHANNELS}
+        parts = {c: self.problem.part(self.fitted.rows, channel=c) for c in MOTIONS}
         return {c: float(np.mean(part**2)) for c, part in parts.items() if part.size}
 
     def with_explanation(self, fitted: Fitted) -> ModelFit:

@@ -11,13 +11,12 @@ from scipy.fft import next_fast_len
 from scipy.signal import lfilter, oaconvolve
 from scipy.signal.windows import gaussian
 
-from rover_sweep.data.recording import Array, LowPass, Recording, Signal
+from rover_sweep.data.recording import MOTIONS, Array, LowPass, Recording, Signal
 from rover_sweep.errors import DataRefused
 
 RATE = 100.0  # Hz, of the simulation; rows are compared up to 12 Hz
 FINE = 2  # times as many points of the commanded steering, whose corners a rate limit or play shows
 SLOWEST = 0.4  # m/s; a slip angle is not defined at standstill
-CHANNELS = ("r", "ay", "p", "vy")
 SPEED_ERROR = 0.02  # m/s rms, of an EKF with a GPS; receivers specify 0.05 m/s before filtering
 STEADIED = 4.0  # s, standard deviation of the Gaussian that takes the error out of a speed
 DRIVE_LAGS = (0.2, 0.6, 2.0)  # s, in which a drive makes good a loss of speed: small and large rovers
@@ -161,7 +160,7 @@ def experiment(run: Recording) -> Experiment:
     while n > 16 and next_fast_len(n, real=True) != n:  # for a fast Fourier transform
         n -= 1
     grid = start + np.arange(n) / RATE
-    measured = {c: on_grid(run[c], grid) for c in CHANNELS if c in run}
+    measured = {c: on_grid(run[c], grid) for c in MOTIONS if c in run}
     speed = smoothed(run["speed"].on(grid))
     heading = np.unwrap(run["psi"].on(grid)) if "psi" in run else np.zeros(grid.size)
     rest = {c: run.bias(c) for c in measured}

@@ -16,10 +16,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from rover_sweep.data.recording import Array
 from rover_sweep.errors import DataRefused
 from rover_sweep.logs.readers.dataflash_index import Stretch, give_back, messages_of, messages_of_type
-
-Array = NDArray[np.float64]
 
 FMT_TYPE, FMT_LENGTH = 128, 89
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from rover_sweep.data.recording import Note, Recording, Signal
+from rover_sweep.data.recording import MOTIONS, Note, Recording, Signal
 from rover_sweep.errors import DataRefused
 from rover_sweep.logs.log import Log
 
@@ -34,7 +34,6 @@ OTHER_UNIT = {
     **dict.fromkeys(("delta", "phi"), "deg"),
 }  # in which these channels are often written
 IMPOSSIBLE_LIMIT = 0.01  # share of a channel's samples; above it the others are unreliable too
-RESPONSES = ("r", "ay", "p", "vy")
 FEWEST = 20  # samples of a channel in a run
 
 
@@ -99,7 +98,7 @@ def without_dead_channels(run: Recording) -> Recording:
     DataRefused when this is the yaw rate, which every identification needs.
     """
     reasons = {}
-    for c in (c for c in RESPONSES if c in run):
+    for c in (c for c in MOTIONS if c in run):
         signal = run.manoeuvre(c)
         if signal.t.size < FEWEST:
             reasons[c] = f"has only {signal.t.size} samples in the run"

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from rover_sweep.data.recording import AT_LOOP, Note, Signal
+from rover_sweep.data.recording import AT_LOOP, Array, Note, Signal
 from rover_sweep.errors import DataRefused
 from rover_sweep.logs.log import (
     AppletRows,
@@ -22,8 +22,6 @@ from rover_sweep.logs.log import (
 )
 from rover_sweep.logs.readers.dataflash import DataFlash, open_parts
 from rover_sweep.logs.readers.tlog import Frames
-
-Array = NDArray[np.float64]
 
 CLOCKS = (
     "ATTITUDE",

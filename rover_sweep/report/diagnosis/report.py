@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from rover_sweep.data.recording import grouped_warnings
-from rover_sweep.data.results import number
+from rover_sweep.data.results import Progress, number
 from rover_sweep.diagnosis.plans.expected_posterior import SimilarPair
 from rover_sweep.diagnosis.plans.planner import NAMES, Plan, PlannedRun
 from rover_sweep.diagnosis.result import Diagnosis, Finding, LawCurve, Unknown
@@ -58,7 +58,7 @@ from rover_sweep.report.document import (
     table_of,
 )
 from rover_sweep.report.identification.identification_json import AXES
-from rover_sweep.report.in_html import Progress, in_html, made_charts
+from rover_sweep.report.in_html import in_html, made_charts
 from rover_sweep.report.wording import channel, count, hiding_words, plain, sentence, strict_json, unit
 
 WITHOUT_EFFECT = "The whole model, compared with it without this effect"
@@ -337,8 +337,8 @@ def write_diagnosis(
 ) -> DiagnosisFiles:
     """Write all files, diagnosis.json last: a folder with diagnosis.json is complete and of one diagnosis.
 
-    All content is computed before the first file is changed. progress is called with the share done, 0..1,
-    and the current step. UsageError if the directory is not writable.
+    All content is computed before the first file is changed. progress is called with the current step
+    and the share done, 0..1. UsageError if the directory is not writable.
     """
     from rover_sweep.report.export.plant_variant import variant_text
 

@@ -14,7 +14,7 @@ from rover_sweep.diagnosis.simulation.augmented import AugmentedModel
 from rover_sweep.identification import models
 from rover_sweep.identification.pipeline import Identification, known_filters
 from rover_sweep.identification.state_space import Matrices, ModelStructure
-from rover_sweep.identification.toml_form import structure_from_text
+from rover_sweep.identification.toml_form import MATRICES, structure_from_text
 from rover_sweep.report.export.augmented_model_json import augmented_document
 from rover_sweep.report.wording import plain, strict_json
 
@@ -23,7 +23,6 @@ from rover_sweep.report.wording import plain, strict_json
 
 Model = Mapping[str, Any]
 STATE_SPACE = ("A", "B", "C", "D")
-DESCRIPTOR = ("M", "F", "G", "H0", "H1")
 
 
 def json_text(model: Model) -> str:
@@ -43,7 +42,7 @@ def matlab_text(model: Model) -> str:
     lines = [*_remarks(model, "%"), ""]
     lines += [
         f"{name} = [{'; '.join(_row(row)[1:-1] for row in model[name])}];"
-        for name in (*STATE_SPACE, *DESCRIPTOR)
+        for name in (*STATE_SPACE, *MATRICES)
     ]
     lines += [
         f"tau = {model['tau_s']!r};  % s, delay of the input",
@@ -74,7 +73,7 @@ def python_text(model: Model) -> str:
             *(line.removeprefix("# ") for line in _remarks(model, "#")),
             '"""\n',
             "import numpy as np\n",
-            *(f"{name} = np.array({model[name]!r})" for name in (*STATE_SPACE, *DESCRIPTOR)),
+            *(f"{name} = np.array({model[name]!r})" for name in (*STATE_SPACE, *MATRICES)),
             f"tau = {model['tau_s']!r}  # s, delay of the steering",
             f"input_delays = {list(model['input_delays_s'])!r}  # s",
             f"output_delays = {list(model['output_delays_s'])!r}  # s",
@@ -94,9 +93,7 @@ def mat_file(model: Model) -> bytes:
     from scipy.io import savemat
 
     cells = ("states", "state_units", "inputs", "input_units", "outputs", "output_units")
-    content: dict[str, Any] = {
-        name: np.array(model[name], dtype=float) for name in (*STATE_SPACE, *DESCRIPTOR)
-    }
+    content: dict[str, Any] = {name: np.array(model[name], dtype=float) for name in (*STATE_SPACE, *MATRICES)}
     content |= {name: np.array(model[name], dtype=object) for name in cells}
     content |= {
         "tau": model["tau_s"],

@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from math import isfinite, sqrt
 
+from rover_sweep.comparison.answer import ABSENT
 from rover_sweep.diagnosis.effects import Effect
 from rover_sweep.diagnosis.simulation.augmented import AugmentedModel
 from rover_sweep.diagnosis.simulation.table_law import TableLaw
@@ -77,7 +78,6 @@ SAME_NUMBER = {
     "velocity_lag": "velocity_lag",
     "servo_rate_limit": "servo_rate_limit",
 }
-ABSENT = 1e5  # a limit or cut-off at or above this does not exist
 
 Value = float | str | tuple[float, float, float]
 

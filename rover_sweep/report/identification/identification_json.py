@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from rover_sweep.data.recording import Recording
+from rover_sweep.data.recording import OUTPUTS, Recording
 from rover_sweep.data.results import LEVEL, Quantity
 from rover_sweep.data.vehicle_rules import LARGEST_OF_STEERING
 from rover_sweep.identification.both_ways import BothWays
@@ -16,7 +16,6 @@ from rover_sweep.identification.fit import Estimate, FitResult
 from rover_sweep.identification.grouping import Group
 from rover_sweep.identification.model_results import TIED
 from rover_sweep.identification.pipeline import Identification, inertia_of, judged_runs, ordered, rejection
-from rover_sweep.identification.state_space import OUTPUTS
 from rover_sweep.identification.verify import Verification
 from rover_sweep.quality.verdict import CoherenceVerdict
 from rover_sweep.report.identification.sentences import handling_document

@@ -12,7 +12,7 @@ from functools import partial
 from pathlib import Path
 
 from rover_sweep.data.recording import Recording
-from rover_sweep.data.results import number
+from rover_sweep.data.results import Progress, number
 from rover_sweep.files.documents import remove_file, write_file
 from rover_sweep.identification.grouping import Group
 from rover_sweep.identification.handling import has_handling
@@ -78,7 +78,7 @@ from rover_sweep.report.identification.tables import (
     variants_table,
     verification_tables,
 )
-from rover_sweep.report.in_html import Progress, in_html, made_charts
+from rover_sweep.report.in_html import in_html, made_charts
 from rover_sweep.report.wording import SHORT_NAMES, SI, Provenance, ShownUnits, count, sentence, strict_json
 
 LEVELS: dict[str, Tone] = {"good": "good", "acceptable": "good", "poor": "warn"}
@@ -424,11 +424,11 @@ def write_report(
 
     Everything is computed before the first file is changed. Then the old identification.json is removed,
     each file is replaced atomically, and files of an older report are removed. progress is called with the
-    share done, 0..1, and the current file. Models with rejected numbers are not exported. UsageError if the
+    current file and the share done, 0..1. Models with rejected numbers are not exported. UsageError if the
     directory is not writable. units: of page and pictures; the documents are in SI.
     """
-    report: Progress = progress or (lambda share, what: None)
-    report(0.0, "identification.json")
+    report: Progress = progress or (lambda step, share: None)
+    report("identification.json", 0.0)
     text = strict_json(identification_document(result, provenance))
     vehicle, steering = provenance.vehicle, None
     if vehicle and vehicle.trim_us and vehicle.rad_per_us:
@@ -436,8 +436,8 @@ def write_report(
     models = {n: strict_json(exported_model(result, n, steering)) for n in usable(result)}
     links = (("speed.html", "Speed"),) if (directory / "speed.html").is_file() else ()
     document = identification_report(result, provenance, units, links)
-    charts = made_charts(document, lambda share, what: report(0.05 + 0.85 * share, what))
-    report(0.95, "report.html")
+    charts = made_charts(document, lambda step, share: report(step, 0.05 + 0.85 * share))
+    report("report.html", 0.95)
     page, responses = in_html(document, charts), responses_csv(result)
     remove_file(directory / "identification.json")
     pictures = _write_folder(directory / "pictures", ".svg", {n: c.svg for n, c in charts.items()})
@@ -445,7 +445,7 @@ def write_report(
     html = write_file(directory / "report.html", page)
     table = write_file(directory / "responses.csv", responses)
     last = write_file(directory / "identification.json", text)
-    report(1.0, "done")
+    report("done", 1.0)
     return ReportFiles(directory, last, html, table, pictures, exported)
 
 

@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
+from rover_sweep.data.recording import OUTPUTS
 from rover_sweep.data.results import ends_words, number
 from rover_sweep.identification.fit import Estimate, FitResult
 from rover_sweep.identification.pipeline import (
@@ -18,7 +19,6 @@ from rover_sweep.identification.pipeline import (
     rejection,
     usable,
 )
-from rover_sweep.identification.state_space import OUTPUTS
 from rover_sweep.identification.verdicts import (
     CR_GUIDE,
     I_GUIDE,

@@ -9,9 +9,10 @@ from dataclasses import dataclass
 from rich.text import Text
 from textual.binding import Binding
 
-from firmware_params.applet_parameters import PARAMETERS
 from rover_sweep.data.braille import braille_lines, ruler
+from rover_sweep.live.players import STEERED
 from rover_sweep.live.source import ResponseCurve
+from rover_sweep.manoeuvre.sweep import DEFAULTS
 from rover_sweep.tui import drawn as labels
 from rover_sweep.tui.drawn import (
     Palette,
@@ -222,8 +223,6 @@ def decades(low: float, high: float, width: int) -> str:
 # The signals of a run: value, position between limits, short history.
 
 
-_DEFAULTS = {p.name: p.default for p in PARAMETERS}
-_STEERED = range(3, 9)  # states of the applet in which the limits apply
 _TRIM = 1500.0  # us, without a vehicle file
 _AY = 10.0  # m/s^2, range of the gauge; there is no limit
 _DEGREES = 180 / math.pi
@@ -246,7 +245,7 @@ class GaugeSignal:
 
 def signals_of(state: State, setup: Setup) -> tuple[GaugeSignal, ...]:
     """The signals with the limits of the applet."""
-    known = _DEFAULTS | {f"SWP_{name.upper()}": value for name, value in setup.settings.extra.items()}
+    known = DEFAULTS | {f"SWP_{name.upper()}": value for name, value in setup.settings.extra.items()}
     known, vehicle = known | state.parameters, setup.vehicle  # default, command line, set on the vehicle
     trim = vehicle.trim_us.value if vehicle and vehicle.trim_us else _TRIM
     most, r_max, roll, slow, fast = (
@@ -268,7 +267,7 @@ def draw_signals(rows: ScreenRows, state: State, setup: Setup, each: int) -> Non
     for signal in signals_of(state, setup):
         values = [signal.scale * getattr(one, signal.field) for one in state.history]
         value = values[-1] if values else math.nan
-        past = bool(signal.limits) and state.applet in _STEERED and not signal.low <= value <= signal.high
+        past = bool(signal.limits) and state.applet in STEERED and not signal.low <= value <= signal.high
         ink = rows.palette.bad if past else rows.palette.ink
         limits = f"PAST {signal.limits}" if past else signal.limits
         text = f" {signal.name:<9} {fixed_width(value, signal.form)} {signal.unit:<5}"

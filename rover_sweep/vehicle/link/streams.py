@@ -6,13 +6,13 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from statistics import median
 
+from rover_sweep.logs.readers.vehicle_clock import WRAP
 from rover_sweep.vehicle.link.connection import vehicle_seconds
 from rover_sweep.vehicle.link.link import Link
 from rover_sweep.vehicle.link.mavlink import Message, kind, message_id
 
 _ACCEPTED, _DENIED, _UNSUPPORTED = 0, 2, 3
 LOST = 0.02  # share of lost samples above which a response is spoilt
-_WRAP = 2.0**32 * 1e-6  # s after which SERVO_OUTPUT_RAW.time_usec starts again
 _GAP, _DELIVERED = 0.25, 0.9  # s: a period of 25 rad/s; share of what was granted
 
 # Rates in Hz: more than ten times the top of a 25 rad/s sweep, and granted from a loop rate of 100 Hz on.
@@ -164,7 +164,7 @@ class StreamMonitor:
     def _keep(self, name: str, seconds: float) -> None:
         stamps = self._stamps.setdefault(name, [])
         if name == "SERVO_OUTPUT_RAW" and stamps:
-            seconds += _WRAP * round((stamps[-1] - seconds) / _WRAP)
+            seconds += WRAP * round((stamps[-1] - seconds) / WRAP)
         stamps.append(seconds)
 
     def quality(self) -> tuple[StreamQuality, ...]:

@@ -168,7 +168,7 @@ def _wait(link: Link, follower: Follower) -> None:
         link.receive(0.1)
 
 
-_STEERING_FUNCTION = 26  # SERVOn_FUNCTION GroundSteering
+STEERING_FUNCTION = 26  # SERVOn_FUNCTION GroundSteering
 _START_LIMIT = 10.0  # s of the vehicle's clock from our switch to the applet's first state
 _ARMING_LIMIT = 60.0  # s for which we try to arm: a consent does not last for ever
 _LOOK, _ASKED = 0.1, 0.3  # s
@@ -377,4 +377,4 @@ def _follow(
 
 def _steering_output(present: Mapping[str, float]) -> int:
     """Servo output (1-based) that steers; 1, ArduPilot's default, if none of 1-4 is set to steering."""
-    return next((n for n in range(1, 5) if present.get(f"SERVO{n}_FUNCTION") == _STEERING_FUNCTION), 1)
+    return next((n for n in range(1, 5) if present.get(f"SERVO{n}_FUNCTION") == STEERING_FUNCTION), 1)
