@@ -31,14 +31,16 @@ def varied(rover: PlantParameters, random: np.random.Generator) -> PlantParamete
     return replace(rover, **{name: getattr(rover, name) * random.uniform(0.9, 1.15) for name in VARIED})
 
 
-def drive(rover: PlantParameters, course_from: Sequence[Path], folder: Path, seed: int) -> list[Path]:
-    """Recordings of the rover with the steering and speed of others."""
+def drive(
+    rover: PlantParameters, course_from: Sequence[Path], folder: Path, seed: int, share: float = 1.0
+) -> list[Path]:
+    """Recordings of the rover with the steering and a share of the speed of others."""
     folder.mkdir(parents=True)
     out = []
     for k, source in enumerate(course_from):
         course = course_of(screened(read_logs(str(source))[0]))
         target = folder / f"{folder.name}-{source.stem}.BIN"
-        redrive(course, rover, target, seed + k)
+        redrive(replace(course, speed=share * course.speed), rover, target, seed + k)
         out.append(target)
     return out
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 from math import log
 from pathlib import Path
 
@@ -49,6 +50,7 @@ SIZES = {
 }
 
 
+@cache
 def recording() -> Recording:
     """The doublet that all of this is driven by."""
     return load_steered([str(RUN)], VEHICLE, Reading())[0]

@@ -10,6 +10,7 @@ from __future__ import annotations
 import argparse
 import tempfile
 import time
+from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -79,17 +80,16 @@ def exact_vehicle_file(rover: PlantParameters) -> str:
     return "\n".join([*lines, "[imu]", f"position = {list(rover.imu_position)}", ""])
 
 
-def examined(seed: int) -> Examined:
-    """One rover, driven and diagnosed."""
+def examined(seed: int, runs: Sequence[Path] = RUNS) -> Examined:
+    """One rover, driven and diagnosed; the last run is held out."""
     length, rover = healthy_rover(seed)
     with tempfile.TemporaryDirectory() as folder:
-        logs = drive(rover, RUNS, Path(folder) / "runs", 1000 * seed)
+        logs = drive(rover, runs, Path(folder) / "runs", 1000 * seed)
         vehicle = Path(folder) / "rover.toml"
         vehicle.write_text(exact_vehicle_file(rover))
-        runs = rs.read(*map(str, logs[:2]), vehicle=vehicle)
-        held_out = rs.read(str(logs[2]), vehicle=vehicle)
+        used, held_out = (rs.read(*map(str, some), vehicle=vehicle) for some in (logs[:-1], logs[-1:]))
         started = time.monotonic()
-        found = rs.diagnose(runs, held_out)
+        found = rs.diagnose(used, held_out)
     true = {name: getattr(rover, field) for name, field in TRUE.items()}
     inside = {
         name: (v.low or 0.0) <= true[name] <= (v.high or np.inf)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -12,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 from augmented_models import SPEED, VEHICLE, linear_only, model, recording
+from scipy.signal import bilinear, lfilter
 
 import rover_sweep as rs
 from rover_sweep.cli.main import run
@@ -19,7 +19,6 @@ from rover_sweep.data.vehicle_geometry import MODEL_NAMES
 from rover_sweep.diagnosis.effects import every_form
 from rover_sweep.diagnosis.linear import left_out, linear
 from rover_sweep.diagnosis.result import Diagnosis
-from rover_sweep.diagnosis.simulation.augmented import AugmentedModel
 from rover_sweep.diagnosis.simulation.experiment import RATE, experiment
 from rover_sweep.diagnosis.simulation.simulator import logged
 from rover_sweep.identification.verify import simulated_outputs as linear_simulation
@@ -30,27 +29,13 @@ from rover_sweep.report.export.exported_model import at_speed, exported_augmente
 from rover_sweep.report.wording import strict_json
 
 DERIVATIVES = {
-    "Y_v": -60.0,
-    "Y_p": 0.4,
-    "Y_r": -0.3,
-    "Y_phi": -25.0,
-    "Y_delta": 27.0,
-    "L_v": -230.0,
-    "L_p": -12.0,
-    "L_r": -1.0,
-    "L_phi": -560.0,
-    "L_delta": 100.0,
-    "N_v": -12.0,
-    "N_p": 0.01,
-    "N_r": -38.0,
-    "N_phi": 0.3,
-    "N_delta": 96.0,
-}
+    "Y_v": -60.0, "Y_p": 0.4, "Y_r": -0.3, "Y_phi": -25.0, "Y_delta": 27.0,
+    "L_v": -230.0, "L_p": -12.0, "L_r": -1.0, "L_phi": -560.0, "L_delta": 100.0,
+    "N_v": -12.0, "N_p": 0.01, "N_r": -38.0, "N_phi": 0.3, "N_delta": 96.0,
+}  # fmt: skip
 TINY = 0.004  # rad: small enough for the nonlinear simulation to be linear
 CASES = {
-    "plain": linear_only(),
     "second order servo": linear_only(lag_shape=0.3),
-    "relaxation": linear_only("roll-yaw", "tyre_relaxation"),
     "roll steer": linear_only("roll-yaw", "roll_steer"),
     "imu": linear_only("roll-yaw", "imu_offset", ay_lag=0.002, p_lag=-0.001),
     "tilt": linear_only("roll-yaw", "imu_tilt", bias_ay=0.0),
@@ -117,8 +102,6 @@ def _slope(y: np.ndarray) -> np.ndarray:
 
 
 def _through(fraction: dict[str, list[float]], y: np.ndarray, rate: float) -> np.ndarray:
-    from scipy.signal import bilinear, lfilter
-
     return np.asarray(lfilter(*bilinear(fraction["num"], fraction["den"], rate), y))
 
 
@@ -132,9 +115,6 @@ def test_what_is_not_linear_is_said_inside_every_export() -> None:
     assert exported["speed_m_s"] == pytest.approx(SPEED * 1.01)
     for text in (strict_json(exported), matlab_text(exported), python_text(exported)):
         assert "steering_backlash (play operator" in text and "F_f" in text
-
-
-def test_a_heading_behind_a_filtered_gyro_is_said_to_be_left_out() -> None:
     early = model("sensor_filter/first order, before the estimator")
     assert any("lag of the heading" in words for words in left_out(early))
     assert left_out(model("sensor_filter/first order")) == []
@@ -153,13 +133,15 @@ def test_an_export_moves_to_another_speed_and_runs_on_its_own() -> None:
         np.testing.assert_allclose(h[:, k], structure.response(w, 3.0, output), rtol=1e-6)
 
 
-@pytest.mark.parametrize("effect", [e for e in every_form() if e not in ("tyre_slip", "roll_dof")])
-def test_the_data_form_keeps_every_model(effect: str) -> None:
-    whole = replace(model(effect), happened_in="run 2", happened_at=12.5)
-    again = augmented_from(json.loads(strict_json(augmented_document(whole))))
-    assert (again.x, again.numbers, again.rover) == (dict(whole.x), whole.numbers, whole.rover)
-    assert (again.effects, again.steering, again.filters) == (whole.effects, whole.steering, whole.filters)
-    assert (again.wait, again.happened_in, again.happened_at) == (0.005, "run 2", 12.5)
+def test_the_data_form_keeps_every_model() -> None:
+    for effect in set(every_form()) - {"tyre_slip", "roll_dof"}:
+        whole = replace(model(effect), happened_in="run 2", happened_at=12.5)
+        again = augmented_from(json.loads(strict_json(augmented_document(whole))))
+        assert (again.x, again.numbers, again.rover) == (dict(whole.x), whole.numbers, whole.rover)
+        assert (again.effects, again.steering, again.filters) == (
+            *(whole.effects, whole.steering, whole.filters),
+        )
+        assert (again.wait, again.happened_in, again.happened_at) == (0.005, "run 2", 12.5)
 
 
 WRONG: list[tuple[tuple[str, ...], object, str]] = [
@@ -178,39 +160,61 @@ WRONG: list[tuple[tuple[str, ...], object, str]] = [
 ]
 
 
-@pytest.mark.parametrize(("place", "value", "said"), WRONG)
-def test_numbers_that_no_fit_ends_with_are_named(
-    place: tuple[str, ...], value: object, said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    found = Diagnosis("none", "nothing is left out", "roll-yaw", model=model("tyre_relaxation"))
-    file = write_diagnosis(found, tmp_path, DiagnosisOrigin()).document
-    document: Any = json.loads(file.read_text())
-    entry = document["model"]
-    for key in place[:-1]:
-        entry = entry[key]
-    assert place[-1] in entry and run(["export", str(file)]) == 0
-    entry[place[-1]] = value
-    file.write_text(json.dumps(document))
-    for form in ([], ["--plant"]):
+def written(folder: Path, *effects: str) -> Path:
+    found = Diagnosis("none", "nothing is left out", "roll-yaw", model=model(*effects))
+    return write_diagnosis(found, folder, DiagnosisOrigin()).document
+
+
+def test_numbers_that_no_fit_ends_with_are_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = written(tmp_path, "tyre_relaxation")
+    whole = file.read_text()
+    assert run(["export", str(file)]) == 0
+    for k, (place, value, said) in enumerate(WRONG):
+        document: Any = json.loads(whole)
+        entry = document["model"]
+        for key in place[:-1]:
+            entry = entry[key]
+        assert place[-1] in entry
+        entry[place[-1]] = value
+        file.write_text(json.dumps(document))
         capsys.readouterr()
-        assert run(["export", str(file), *form]) in (2, 3)
+        assert run(["export", str(file), *(["--plant"] if k % 2 else [])]) in (2, 3)
         told = capsys.readouterr()
         assert said in told.err and not told.out and len(told.err.splitlines()) == 1
 
 
-@pytest.mark.parametrize(
-    "changed",
-    [
-        lambda m: replace(m, x={**m.x, "ln_C": float("nan")}),
-        lambda m: replace(m, rover=replace(m.rover, a=0.0)),
-    ],
-)
-def test_a_saved_diagnosis_is_looked_at_as_well(
-    changed: Callable[[AugmentedModel], AugmentedModel], tmp_path: Path
+def test_a_saved_diagnosis_is_looked_at_as_well(tmp_path: Path) -> None:
+    whole = model()
+    for wrong in (
+        replace(whole, x={**whole.x, "ln_C": float("nan")}),
+        replace(whole, rover=replace(whole.rover, a=0.0)),
+    ):
+        found = rs.FullDiagnosis("none", "nothing", "roll-yaw", model=wrong)
+        with pytest.raises(rs.UsageError, match=re.escape("found.json is damaged (")):
+            rs.load_diagnosis(found.save(tmp_path / "found.json"))
+
+
+def test_a_diagnosis_and_its_variant_give_the_same_rover_in_python(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    found = rs.FullDiagnosis("none", "nothing", "roll-yaw", model=changed(model()))
-    with pytest.raises(rs.UsageError, match=re.escape("found.json is damaged (")):
-        rs.load_diagnosis(found.save(tmp_path / "found.json"))
+    """`export --python` of a diagnosis: the numbers in the file are those of its variant.toml."""
+    effects = ("steering_backlash", "tyre_relaxation")
+    document = written(tmp_path, *effects)
+    for place, out in ((document, "one.py"), (tmp_path, "two.py")):
+        assert run(["export", str(place), "--python", str(tmp_path / out)]) == 0
+    one, two = ((tmp_path / name).read_text() for name in ("one.py", "two.py"))
+    assert one.partition("from __future__")[2] == two.partition("from __future__")[2]
+    assert "the numbers of diagnosis.json." in one and "the numbers of variant.toml." in two
+    assert all(f"'{effect}': {{" in one for effect in effects)
+
+    text = document.read_text()
+    assert '"baseline": "roll-yaw"' in text
+    document.write_text(text.replace('"baseline": "roll-yaw"', '"baseline": "lumped"'))  # no simulated rover
+    (tmp_path / "variant.toml").unlink()
+    capsys.readouterr()
+    assert run(["export", str(tmp_path), "--python", str(tmp_path / "x.py")]) in (2, 3)
+    told = capsys.readouterr().err
+    assert len(told.splitlines()) == 1 and not (tmp_path / "x.py").exists()
 
 
 def test_a_run_without_a_vehicle_file_is_simulated_by_the_numbers_of_the_diagnosis() -> None:

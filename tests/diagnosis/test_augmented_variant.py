@@ -5,6 +5,7 @@ The two share no code; what differs beyond the translation is named where a case
 
 from __future__ import annotations
 
+import tempfile
 import tomllib
 from collections.abc import Mapping
 from dataclasses import replace
@@ -19,14 +20,18 @@ import rover_sweep as rs
 from rover_sweep.data.recording import Recording
 from rover_sweep.diagnosis.effects import every_form, form_named
 from rover_sweep.diagnosis.simulation.augmented import AugmentedModel
-from rover_sweep.diagnosis.simulation.single_track import tyre_force
+from rover_sweep.diagnosis.simulation.table_law import TableLaw, resonator
 from rover_sweep.logs.read import read_logs, read_runs
 from rover_sweep.redrive.recorded_course import course_of, on_the_clock
+from rover_sweep.report.export.augmented_model_json import augmented_document, augmented_from
 from rover_sweep.report.export.plant_variant import not_in_the_plant, variant_text
 from sitl.plant.effects.replaced_numbers import resolved
 from sitl.plant.effects.steering_effects import Linkage
-from sitl.plant.effects.tyres import knee
+from sitl.plant.plant_law import table_laws
+from sitl.plant.tyre import lateral_force
 from sitl.plant.variant import load_variant
+from sitl.plant.variant_text import variant_text as plant_text
+from sitl.redrive.course import Course
 from sitl.redrive.open_loop import redrive
 
 CHANNELS = ("r", "ay", "p", "vy")
@@ -35,10 +40,6 @@ JUDGED = {
     "servo_lag": ("r", 0.1),
     "transport_delay": ("r", 0.1),
     "servo_rate_limit": ("r", 0.2),
-    "steering_deadband": ("r", 0.1),
-    "steering_backlash": ("r", 0.1),
-    "steering_nonlinearity": ("r", 0.1),
-    "steering_asymmetry": ("r", 0.1),
     "steering_trim": ("r", 0.1),
     "steering_scale": ("r", 0.1),
     "tyre_relaxation": ("r", 0.1),
@@ -54,11 +55,7 @@ JUDGED = {
     "tyre_speed": ("vy", 0.2),
     "cross_slope": ("ay", 0.2),  # the plant leans when it starts, the model begins upright
     "suspension_friction": ("p", 0.45),  # dry friction is rounded otherwise about rest
-}
-FORMS_JUDGED = {
     "servo_lag/second order": ("r", 0.1),
-    "steering_backlash/smooth hysteresis": ("r", 0.1),
-    "steering_nonlinearity/quadratic": ("r", 0.1),
     "steering_compliance": ("r", 0.1),
     "tyre_saturation/brush": ("vy", 0.2),
     "tyre_saturation/falling peak": ("vy", 0.2),
@@ -82,13 +79,17 @@ def simulated(whole: AugmentedModel) -> Mapping[str, np.ndarray]:
     return rs.simulate(whole, recording()).signals
 
 
+@cache
+def course() -> Course:
+    (log,) = read_logs(str(RUN))
+    return course_of(log)
+
+
 def recorded(whole: AugmentedModel, folder: Path) -> Recording:
     """What the plant with that variant records on smooth ground."""
     no_wait = replace(whole, wait=0.0)  # a log's commands stand where the servo got them
-    path = on_smooth_ground(variant_text(no_wait), folder)
-    (log,) = read_logs(str(RUN))
-    out = folder / "out.BIN"
-    redrive(course_of(log), on_the_clock(load_variant(path), [recording()]), out)
+    path, out = on_smooth_ground(variant_text(no_wait), folder), folder / "out.BIN"
+    redrive(course(), on_the_clock(load_variant(path), [recording()]), out)
     (run,) = read_runs(str(out))
     return run
 
@@ -102,8 +103,6 @@ def driven(whole: AugmentedModel, folder: Path) -> Mapping[str, np.ndarray]:
 @cache
 def plain() -> tuple[Mapping[str, np.ndarray], Mapping[str, np.ndarray]]:
     """Without any effect: (by the model, by the plant)."""
-    import tempfile
-
     with tempfile.TemporaryDirectory() as folder:
         return simulated(model()), driven(model(), Path(folder))
 
@@ -118,28 +117,18 @@ def test_the_plain_model_is_driven_as_simulated() -> None:
     assert max(errors[c] for c in ("r", "ay")) < 0.03 and max(errors.values()) < 0.08, errors
 
 
-@pytest.mark.parametrize("effect", JUDGED | FORMS_JUDGED)
+@pytest.mark.parametrize("effect", JUDGED)
 def test_an_effect_does_in_the_plant_what_it_does_in_the_model(effect: str, tmp_path: Path) -> None:
     whole = model(effect)
     if effect == "surface_change":
         begin = rs.simulate(whole, recording()).t[0] - recording().span[0]
         own = {**whole.x, "surface_change.t": INSTANT - begin}
         whole = replace(whole, x=own, happened_in="run4", happened_at=INSTANT)
-    (channel, room), (model_without, plant_without) = (JUDGED | FORMS_JUDGED)[effect], plain()
+    (channel, room), (model_without, plant_without) = JUDGED[effect], plain()
     wanted = simulated(whole)[channel] - model_without[channel]
     done = driven(whole, tmp_path)[channel] - plant_without[channel]
     assert rms(wanted) > 0.004 * rms(model_without[channel])  # there is something to reproduce
     assert rms(done - wanted) < room * rms(wanted)
-
-
-@pytest.mark.parametrize("share", [0.3, 0.95, 2.0])
-def test_the_tyre_with_a_knee_is_the_same_in_the_plant(share: float) -> None:
-    """The doublet stays below it, so force by force. share: of the slip at which a linear tyre slides."""
-    stiffness, load, mu = 31.0, 13.0, 0.4
-    slip = share * mu * load / stiffness
-    ours = tyre_force(slip, stiffness, load, 1.0 / load, 1.0 / mu, 0.0, 3.0)
-    assert ours == pytest.approx(knee(slip, stiffness, mu * load, 1.3), rel=1e-9)
-    assert min(share, 1.0) * 0.85 < -ours / (mu * load) < min(share, 1.0)
 
 
 @pytest.mark.parametrize(
@@ -148,6 +137,12 @@ def test_the_tyre_with_a_knee_is_the_same_in_the_plant(share: float) -> None:
         ("steering_deadband/full travel", (1.0,), 0.2),  # a jump in the plant, a steep ramp in the model
         ("steering_stiction", BANDS, 1e-6),  # the model is the mean of bands
         ("steering_stiction/with memory", BANDS, 1e-6),
+        ("steering_deadband", (1.0,), 1e-6),
+        ("steering_nonlinearity", (1.0,), 1e-6),
+        ("steering_nonlinearity/quadratic", (1.0,), 1e-6),
+        ("steering_asymmetry", (1.0,), 1e-6),
+        ("steering_backlash", (1.0,), 1e-6),
+        ("steering_backlash/smooth hysteresis", (1.0,), 0.02),
     ],
 )
 def test_laws_of_the_command_are_the_same_in_the_plant(
@@ -161,8 +156,8 @@ def test_laws_of_the_command_are_the_same_in_the_plant(
     (name,) = (effect.key(p.name) for p in effect.parameters)
     each = [replace(whole, x={**whole.x, name: size * whole.x[name]}) for size in sizes]
     plants = [Linkage(tomllib.loads(variant_text(one))["effects"]) for one in each]
-    done = np.array([np.mean([plant.wanted(float(angle)) for plant in plants]) for angle in u])
-    assert np.sqrt(np.mean((wanted - u) ** 2)) > 0.001
+    done = np.array([np.mean([plant.played(plant.wanted(float(angle))) for plant in plants]) for angle in u])
+    assert np.sqrt(np.mean((wanted - u) ** 2)) > 0.0003
     assert np.sqrt(np.mean((done - wanted) ** 2)) <= share * np.sqrt(np.mean((wanted - u) ** 2))
 
 
@@ -237,10 +232,80 @@ def test_what_the_plant_cannot_be_is_said_in_the_file() -> None:
 
 def test_tyres_that_bend_in_the_model_do_so_in_the_plant(tmp_path: Path) -> None:
     """Half of the load is the force at which both laws lose as much."""
-    from sitl.plant.tyre import lateral_force
-
     whole = model(bend=0.7)
     (tmp_path / "v.toml").write_text(variant_text(whole))
     parameters = load_variant(tmp_path / "v.toml")
     lost = 1 - lateral_force(-0.5, 1.0, parameters.friction, parameters.tyre_shape) / 0.5
     assert lost == pytest.approx(0.7 * 0.5**4 / 4, rel=0.1)
+
+
+# ---- A law without a name in the variant file.
+
+LAWS = {
+    "steering with play": TableLaw("steering", "delta", (-0.3, 0.3), (0.1, -0.1), memory="play", size=0.03),
+    "yaw moment": TableLaw("yaw moment", "r", (-2.0, 0.0, 2.0), (1.4, 0.0, -1.4)),
+    "side force rear": TableLaw("side force rear", "v", (1.0, 3.0), (0.2, 0.6), "a_y"),
+    "swinging load": replace(resonator("side force", "a_y", 1.4, 0.2), y=(0.25, 0.05)),
+    "soft linkage": replace(resonator("steering", "delta", 4.0, 0.3), y=(0.1, 0.0)),
+}
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_a_law_does_in_the_plant_what_it_does_in_the_model(name: str, tmp_path: Path) -> None:
+    whole = replace(model(), laws=(LAWS[name],))
+    model_without, plant_without = plain()
+    wanted = simulated(whole)["r"] - model_without["r"]
+    done = driven(whole, tmp_path)["r"] - plant_without["r"]
+    assert rms(wanted) > 0.01 * rms(model_without["r"])  # there is something to reproduce
+    assert rms(done - wanted) < 0.12 * rms(wanted)
+
+
+def test_a_law_that_the_plant_lacks_is_a_sentence(tmp_path: Path) -> None:
+    text = variant_text(replace(model(), laws=(TableLaw("sensor of r", "signal", (0.0, 1.0), (0.0, 0.1)),)))
+    assert "# The law at the sensor of r over signal is not included" in text
+    path = tmp_path / "a.toml"
+    path.write_text(text)
+    assert load_variant(path).laws == ()
+
+
+def test_a_variant_with_laws_is_written_and_read_again(tmp_path: Path) -> None:
+    path = tmp_path / "a.toml"
+    path.write_text(variant_text(replace(model(), laws=tuple(LAWS.values()))))
+    first = load_variant(path)
+    assert [law.place for law in first.laws] == [law.place for law in LAWS.values()]
+    path.write_text(plant_text(first))
+    assert load_variant(path) == first
+
+
+def test_a_model_with_laws_survives_its_document() -> None:
+    whole = replace(model(), laws=tuple(LAWS.values()))
+    again = augmented_from(augmented_document(whole))
+    assert again.laws == whole.laws and "laws at the yaw moment" in again.name
+    still = {**vars(LAWS["swinging load"]), "damping": 0.0}
+    with pytest.raises(ValueError, match="damping above 0"):
+        augmented_from({**augmented_document(whole), "laws": [still]})
+    moon = {**vars(LAWS["steering with play"]), "place": "moon"}
+    with pytest.raises(ValueError, match="no place"):
+        augmented_from({**augmented_document(whole), "laws": [moon]})
+
+
+@pytest.mark.parametrize(
+    ("change", "why"),
+    [
+        ({"place": "moon"}, "place"),
+        ({"x": [1.0, 0.0]}, "ascend"),
+        ({"x": [0.0]}, "list of 2"),
+        ({"y": [0.0, float("nan")]}, "finite"),
+        ({"play": -1.0}, "play"),
+        ({"frequency": 1.4}, "damping above 0"),
+        ({"frequency": 30.0, "damping": 0.1}, "up to 20 Hz"),
+        ({"damping": 0.1}, "resonator"),
+        ({"frequency": 1.4, "damping": 0.1, "play": 0.1}, "no factor or play"),
+        ({"colour": 1}, "has no colour"),
+    ],
+)
+def test_a_wrong_table_is_refused_with_its_name(change: dict[str, object], why: str) -> None:
+    good = {"place": "steering", "over": "delta", "x": [0.0, 1.0], "y": [0.0, 0.1]}
+    assert table_laws([good], "a.toml")[0].y == (0.0, 0.1)
+    with pytest.raises(ValueError, match=why):
+        table_laws([{**good, **change}], "a.toml")

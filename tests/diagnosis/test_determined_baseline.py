@@ -23,16 +23,19 @@ FIRMWARE = DATA / "ardurover-4.6.3"
 @pytest.fixture(scope="module")
 def stock() -> rs.Runs:
     """ArduPilot's own kinematic rover: no sideslip, no roll."""
-    return rs.read(*(FIRMWARE / "stock" / f"run{n}.BIN" for n in (1, 2)), vehicle=DATA / "rover.toml")
+    return rs.read(FIRMWARE / "stock" / "run1.BIN", vehicle=DATA / "rover.toml")
 
 
 def test_a_rover_without_tyres_and_roll_is_diagnosed_as_kinematic(stock: rs.Runs):
+    """A search that is stopped reports no finding that was not compared."""
     assert stock.vehicle is not None
-    settings = DiagnosisSettings(with_effects=("steering_scale",), time_limit=0.1)
-    found = diagnosed(material(tuple(stock), ()), stock.vehicle, settings)
+    found = diagnosed(material(tuple(stock), ()), stock.vehicle, DiagnosisSettings(time_limit=0.01))
     assert found.baseline == "kinematic" and found.model is not None and found.model.baseline == "kinematic"
     assert any(r.startswith("the baseline is the kinematic model: ") for r in found.remarks)
-    assert rs.identify(stock, bootstrap=0).recommended == "kinematic"
+    assert found.verdict == "unexplained" and not found.findings
+    assert any("time limit" in remark for remark in found.remarks)
+    not_tried = {u.effect for u in found.cannot_see if "not tried" in u.why}
+    assert not_tried >= {"steering_scale", "speed_variation"}
 
 
 def test_candidates_that_the_baseline_cannot_lack_are_refused(stock: rs.Runs):
@@ -40,33 +43,31 @@ def test_candidates_that_the_baseline_cannot_lack_are_refused(stock: rs.Runs):
         rs.diagnose(stock, only=["roll_steer"])
 
 
+@pytest.fixture(scope="module")
+def tyred() -> rs.Runs:
+    return rs.read(FIRMWARE / "defaults" / "run1.BIN", vehicle=DATA / "rover.toml")
+
+
 @pytest.mark.parametrize(
-    ("without", "baseline", "why"),
+    ("without", "unmeasured", "baseline", "why"),
     [
-        ((), "roll-yaw", ""),
-        (("p",), "bicycle", "the roll rate does not follow the steering (it was not recorded)"),
+        ("", "", "roll-yaw", ""),
+        ("p", "", "bicycle", "the roll rate does not follow the steering (it was not recorded)"),
+        ("", "roll_inertia", "bicycle", "needs sprung_mass, cg_height_above_roll_centre and roll_inertia"),
     ],
 )
-def test_a_rover_with_tyres_is_diagnosed_with_them(without: tuple[str, ...], baseline: str, why: str):
-    runs = rs.read(FIRMWARE / "defaults" / "run1.BIN", vehicle=DATA / "rover.toml")
-    assert runs.vehicle is not None
-    given = [run.without(set(without)) for run in runs]
-    found = determined_model(grouped(given, Settings()), geometry_of(runs.vehicle))
+def test_a_rover_with_tyres_is_diagnosed_with_them(
+    tyred: rs.Runs, without: str, unmeasured: str, baseline: str, why: str
+):
+    assert tyred.vehicle is not None
+    given = [run.without({without}) for run in tyred]
+    geometry = geometry_of(tyred.vehicle)
+    geometry = replace(geometry, **{unmeasured: None}) if unmeasured else geometry
+    found = determined_model(grouped(given, Settings()), geometry)
     assert found[0] == baseline and why in found[1]
 
 
-def test_without_the_numbers_of_roll_the_bicycle_is_the_most_complete_model():
-    runs = rs.read(FIRMWARE / "defaults" / "run1.BIN", vehicle=DATA / "rover.toml")
-    assert runs.vehicle is not None
-    geometry = replace(geometry_of(runs.vehicle), roll_inertia=None)
-    found = determined_model(grouped(tuple(runs), Settings()), geometry)
-    assert (
-        found[0] == "bicycle"
-        and "needs sprung_mass, cg_height_above_roll_centre and roll_inertia" in found[1]
-    )
-
-
-def test_a_baseline_that_lacks_roll_gives_way_to_one_with_it(monkeypatch: pytest.MonkeyPatch):
+def test_a_baseline_that_lacks_roll_gives_way_to_one_with_it(tyred: rs.Runs, monkeypatch: pytest.MonkeyPatch):
     """One channel's coherence hid the roll that all channels together show: it is no left-out physics."""
     asked, limits = [], []
 
@@ -78,11 +79,10 @@ def test_a_baseline_that_lacks_roll_gives_way_to_one_with_it(monkeypatch: pytest
 
     monkeypatch.setattr("rover_sweep.diagnosis.diagnose.diagnose", found)
     monkeypatch.setattr("rover_sweep.api.diagnosis_input.determined_model", lambda *_: ("bicycle", "no roll"))
-    runs = rs.read(FIRMWARE / "defaults" / "run1.BIN", vehicle=DATA / "rover.toml")
-    assert runs.vehicle is not None
-    answer = diagnosed(material(tuple(runs), ()), runs.vehicle, DiagnosisSettings(time_limit=60.0))
+    assert tyred.vehicle is not None
+    answer = diagnosed(material(tuple(tyred), ()), tyred.vehicle, DiagnosisSettings(time_limit=60.0))
     assert limits[0] == 60.0 and 0.0 < limits[1] < 60.0  # one limit for both
     assert asked == ["bicycle", "roll-yaw"] and answer.baseline == "roll-yaw" and not answer.findings
     assert not any(r.startswith("the baseline is") for r in answer.remarks)
-    diagnosed(material(tuple(runs), ()), runs.vehicle, DiagnosisSettings("bicycle"))
+    diagnosed(material(tuple(tyred), ()), tyred.vehicle, DiagnosisSettings("bicycle"))
     assert asked[2:] == ["bicycle"]

@@ -35,20 +35,18 @@ def test_a_tone_is_found_in_its_channel_and_band() -> None:
     assert found[0].profile is not None and found[0].profile.over == "frequency"
 
 
-@pytest.mark.parametrize("order", [2, 3])
-def test_a_harmonic_is_reported_with_its_order(order: int) -> None:
-    found = over(
+@pytest.mark.parametrize(("order", "words"), [(2, "2nd harmonic"), (3, "3rd harmonic")])
+def test_a_harmonic_is_reported_with_its_order(order: int, words: str) -> None:
+    (found,) = over(
         located(lambda run: {"r": 0.03 * np.sin(order * phase(run)) * (run.taper > 0.5)}), "harmonic"
     )
-    assert [m.channel for m in found] == ["r"]
-    assert found[0].condition == {2: "2nd harmonic", 3: "3rd harmonic"}[order]
+    assert (found.channel, found.condition) == ("r", words)
 
 
 def test_a_proportional_residual_has_no_harmonic_and_no_amplitude() -> None:
     found = located(lambda run: {"r": 0.2 * run.measured["r"]})
     assert found[0].channel == "r" and found[0].residual_over_noise > 3
-    assert not over(found, "harmonic") and not over(found, "amplitude") and not over(found, "turn")
-    assert not over(found, "time") and not over(found, "heading")
+    assert not any(over(found, of) for of in ("harmonic", "amplitude", "turn", "time", "heading"))
 
 
 def test_a_steady_turn_is_reported_with_its_side_and_size() -> None:
@@ -59,8 +57,7 @@ def test_a_steady_turn_is_reported_with_its_side_and_size() -> None:
 
 def test_left_and_right_turns_are_separated() -> None:
     (found,) = over(located(lambda run: {"r": 0.1 * np.maximum(run.measured["r"], 0.0)}), "turn")
-    assert found.condition == "left turns"
-    assert found.profile is not None
+    assert found.condition == "left turns" and found.profile is not None
     left, right = found.profile.ratio
     assert left > 5 * abs(right)
     (found,) = over(located(lambda run: {"r": 0.1 * np.minimum(run.measured["r"], 0.0)}), "turn")
@@ -99,14 +96,12 @@ def test_the_instant_from_which_a_run_differs() -> None:
 
 
 def test_a_slope_is_reported_by_the_heading() -> None:
-    def slope(run: Experiment) -> Mapping[str, Array]:
-        return {"ay": 0.06 * GRAVITY * np.cos(run.heading - np.pi / 2)}
-
-    (found,) = over(located(slope), "heading")
+    (found,) = over(located(lambda run: {"ay": 0.06 * GRAVITY * np.cos(run.heading - np.pi / 2)}), "heading")
     assert found.channel == "ay" and found.condition == "heading west"
+    assert found.profile is not None
     assert found.profile.x == ("N", "NE", "E", "SE", "S", "SW", "W", "NW")
     bars = dict(zip(found.profile.x, found.profile.ratio, strict=True))
-    assert max(bars, key=bars.get) == "W" and bars["E"] == pytest.approx(-bars["W"])  # as the sentence says
+    assert max(bars, key=bars.__getitem__) == "W" and bars["E"] == pytest.approx(-bars["W"])
 
 
 def test_the_list_is_short_and_begins_with_the_largest() -> None:

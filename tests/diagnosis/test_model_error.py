@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from planted import MODEL, ROVER, X, shortened, sweeps
 
 from rover_sweep.diagnosis.posterior.model_fit import (
     COMMON,
@@ -21,7 +21,6 @@ from rover_sweep.diagnosis.posterior.model_fit import (
 from rover_sweep.diagnosis.problem.least_squares import Fitted
 from rover_sweep.diagnosis.problem.residuals import Metric, Rows
 from rover_sweep.diagnosis.simulation.table_law import TableLaw, with_laws
-from tests.diagnosis.planted import MODEL, ROVER, X, sweeps
 
 LINES = np.geomspace(0.05, 10.0, 300)
 
@@ -45,15 +44,11 @@ def lines(column, run):
 
 FITTED = SimpleNamespace(model=None, x={})
 MODELLED = np.random.default_rng(3).normal(0.0, 200.0, 1200)
-
-
-def columns():
-    return np.column_stack([s.rows for s in errors_of_responses(problem(MODELLED), FITTED)])
+ERRORS = errors_of_responses(problem(MODELLED), FITTED)
 
 
 def test_gain_and_phase_of_all_octaves_sum_to_the_response():
-    found = errors_of_responses(problem(MODELLED), FITTED)
-    common = [s for s in found if s.size == COMMON]
+    common = [s for s in ERRORS if s.size == COMMON]
     for words, factor in (("gain of r", 1.0), ("phase of r", 1j)):
         whole = np.sum([s.rows for s in common if s.parameter.startswith(words)], axis=0)
         for run in (0, 1):
@@ -61,24 +56,11 @@ def test_gain_and_phase_of_all_octaves_sum_to_the_response():
 
 
 def test_each_run_has_an_error_of_its_own():
-    own = [s for s in errors_of_responses(problem(MODELLED), FITTED) if s.size == OWN]
+    own = [s for s in ERRORS if s.size == OWN]
     assert len(own) == 2 * 2 * KNOTS.size
     assert all(not s.rows[:600].any() or not s.rows[600:].any() for s in own)
-
-
-def test_a_smooth_error_of_the_usual_size_counts_as_noise_and_a_sharp_one_does_not():
-    metric = Metric.of_directions(columns())
-    smooth = np.concatenate([_moved(run, COMMON * np.sin(np.log2(LINES))) for run in (0, 1)])
-    sharp = np.concatenate([_moved(run, np.where(abs(LINES - 3.0) < 0.2, 0.2, 0.0)) for run in (0, 1)])
-    for rows_of, left in ((smooth, (0.0, 0.02)), (sharp, (0.4, 1.0))):
-        share = float(np.sum(metric.of(rows_of) ** 2) / np.sum(rows_of**2))
-        assert left[0] <= share <= left[1]
-
-
-def test_a_run_alone_has_the_common_error_only():
-    one = replace(rows(0, "r", 0))
-    alone = SimpleNamespace(rows=(one,), plain_models=lambda model, xs: [MODELLED[:600]])
-    assert {s.size for s in errors_of_responses(alone, FITTED)} == {COMMON}
+    alone = SimpleNamespace(rows=(rows(0, "r", 0),), plain_models=lambda model, xs: [MODELLED[:600]])
+    assert {s.size for s in errors_of_responses(alone, FITTED)} == {COMMON}, "a run alone"
 
 
 def _moved(run, share):
@@ -86,8 +68,17 @@ def _moved(run, share):
     return np.concatenate([z.real, z.imag])
 
 
+def test_a_smooth_error_of_the_usual_size_counts_as_noise_and_a_sharp_one_does_not():
+    metric = Metric.of_directions(np.column_stack([s.rows for s in ERRORS]))
+    smooth = np.concatenate([_moved(run, COMMON * np.sin(np.log2(LINES))) for run in (0, 1)])
+    sharp = np.concatenate([_moved(run, np.where(abs(LINES - 3.0) < 0.2, 0.2, 0.0)) for run in (0, 1)])
+    for rows_of, left in ((smooth, (0.0, 0.02)), (sharp, (0.4, 1.0))):
+        share = float(np.sum(metric.of(rows_of) ** 2) / np.sum(rows_of**2))
+        assert left[0] <= share <= left[1]
+
+
 def test_an_error_of_a_coefficient_adds_what_the_same_force_adds_in_the_simulation():
-    run = sweeps(1, ((0.10, 2.0),))[0]
+    run = shortened(sweeps(((0.10, 2.0),))[0])
     found = with_floor_of([run], MODEL, X)
     free = MODEL.free
     fitted = Fitted(MODEL, X, free, 0.0, np.zeros(found.size), np.zeros((found.size, len(free))))

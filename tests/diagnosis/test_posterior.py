@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import count
+from typing import Any
 
 import numpy as np
 import pytest
+from planted import MODEL, X, driven, shortened, sweeps
 
-from rover_sweep.diagnosis.posterior.infer import Options, _named, infer
+from rover_sweep.diagnosis.posterior.infer import Inference, Options, _named, infer
 from rover_sweep.diagnosis.posterior.model_fit import fit_with_floor
+from rover_sweep.diagnosis.posterior.parameter_intervals import between_bounds
 from rover_sweep.diagnosis.posterior.unnamed import UnnamedFamily, families
 from rover_sweep.diagnosis.posterior.weights import (
     COARSE,
@@ -20,12 +24,10 @@ from rover_sweep.diagnosis.posterior.weights import (
 )
 from rover_sweep.diagnosis.problem.least_squares import sensitivities
 from rover_sweep.diagnosis.problem.noise_floor import Floor, level_of
-from rover_sweep.diagnosis.problem.residuals import never
+from rover_sweep.diagnosis.problem.residuals import Problem, Stopped, never
 from rover_sweep.diagnosis.simulation.candidates import Model
 from rover_sweep.diagnosis.simulation.experiment import RATE, Experiment
-from rover_sweep.diagnosis.simulation.simulator import logged
 from rover_sweep.diagnosis.simulation.table_law import TableLaw, with_laws
-from tests.diagnosis.planted import MODEL, NOISE, X, sweeps
 
 ROWS, HELD_ROWS = 10_000, 1500
 
@@ -102,11 +104,8 @@ def test_something_else_takes_the_names_that_it_explains_better() -> None:
     assert strong.effects["a"] < 0.2 < weak.effects["a"]
 
 
-def noisy(run: Experiment, model: Model, x: dict[str, float], random: np.random.Generator) -> Experiment:
-    """The run as a rover of this model drives it, with noise."""
-    true = logged(run, model, x)
-    measured = {c: y + NOISE[c] * random.standard_normal(run.t.size) for c, y in true.items()}
-    return replace(run, measured=measured)
+def short_runs(*plan: tuple[float, float]) -> list[Experiment]:
+    return [shortened(run) for run in sweeps(plan)]
 
 
 def ranked(run: Experiment) -> list[UnnamedFamily]:
@@ -118,16 +117,15 @@ def ranked(run: Experiment) -> list[UnnamedFamily]:
 
 def test_a_curve_is_evidence_at_its_place() -> None:
     law = TableLaw("yaw moment", "r", (-1.4, -0.7, 0.0, 0.7, 1.4), (0.4, 0.1, 0.0, -0.1, -0.4))
-    (run,) = sweeps(1, ((0.2, 2.2),))
-    found = ranked(noisy(run, with_laws(MODEL, (law,)), X, np.random.default_rng(1)))
+    found = ranked(*driven(short_runs((0.2, 2.2)), with_laws(MODEL, (law,)), X, np.random.default_rng(1)))
     assert found[0].evidence(COARSE) > 10.0
     assert "yaw moment" in {f.law.place for f in found[:4]}
 
 
-def test_a_resonance_is_evidence_at_its_place_and_frequency() -> None:
+def test_a_resonance_is_evidence_at_its_place_and_frequency_and_noise_is_none() -> None:
     """A mast that sways at 2 Hz moves the accelerometer."""
-    (run,) = sweeps(1, ((0.2, 2.2),))
-    run = noisy(run, MODEL, X, np.random.default_rng(1))
+    (run,) = driven(short_runs((0.2, 2.2)), MODEL, X, np.random.default_rng(1))
+    assert ranked(run)[0].evidence(COARSE) < 3.0
     w = np.fft.rfftfreq(run.t.size, 1 / RATE) / 2.0
     sways = np.fft.irfft(np.fft.rfft(run.measured["ay"]) * 0.3 * w**2 / (1 - w**2 + 0.2j * w), run.t.size)
     best = ranked(replace(run, measured={**run.measured, "ay": run.measured["ay"] + sways}))[0]
@@ -136,39 +134,57 @@ def test_a_resonance_is_evidence_at_its_place_and_frequency() -> None:
     assert 1.4 < best.law.size < 2.9
 
 
-def test_noise_is_no_evidence() -> None:
-    (run,) = sweeps(1, ((0.2, 2.2),))
-    found = ranked(noisy(run, MODEL, X, np.random.default_rng(1)))
-    assert found[0].evidence(COARSE) < 3.0
+LATE, LATE_X = MODEL.with_effect("velocity_lag/delay"), {**X, "velocity_lag.T": 0.2, "trim": 0.05}
 
 
-def test_a_late_velocity_is_named_in_its_form_with_its_delay() -> None:
+def inferred(begin: Model, only: tuple[str, ...], **options: Any) -> Inference:
+    """From one short sweep of a rover whose velocity is late and whose steering has a trim."""
+    random = np.random.default_rng(1)
+    runs = driven(short_runs((0.1, 2.2)), LATE.with_effect("steering_trim"), LATE_X, random)
+    progress = options.get("progress", lambda what, share: None)
+    return infer(runs, begin, X, Options(only, (), progress, options.get("stop", never)))
+
+
+def test_a_late_velocity_is_named_in_its_form_with_its_delay_and_the_share_done_grows() -> None:
     """A pure delay of the EKF's velocity, not the first-order lag that is tried first."""
-    late = MODEL.with_effect("velocity_lag/delay")
-    x, random = {**X, "velocity_lag.T": 0.2}, np.random.default_rng(1)
-    runs = [noisy(run, late, x, random) for run in sweeps(1, ((0.1, 2.2),))]
-    found = infer(runs, MODEL, X, Options(("velocity_lag",), (), lambda what, share: None, never))
-    assert [n.law.name for n in found.named] == ["velocity_lag/delay"]
+    shares: list[float] = []
+    begin = MODEL.with_effect("steering_trim")
+    found = inferred(begin, ("velocity_lag",), progress=lambda what, share: shares.append(share))
+    assert [n.law.name for n in found.named] == ["velocity_lag/delay"] and not found.stopped
     assert found.last.fitted.x["velocity_lag.T"] == pytest.approx(0.2, abs=0.01)
+    assert shares == sorted(shares)
+    assert shares[0] == 0.0 and 0.6 < shares[-1] <= 0.92
 
 
 def test_an_effect_of_the_model_that_it_begins_with_is_no_question() -> None:
     """The model of a comparison has the effects of the recordings already. Another effect is found too."""
-    both = MODEL.with_effect("velocity_lag/delay").with_effect("steering_trim")
-    x, random = {**X, "velocity_lag.T": 0.2, "trim": 0.05}, np.random.default_rng(1)
-    runs = [noisy(run, both, x, random) for run in sweeps(1, ((0.1, 2.2),))]
-    begin = MODEL.with_effect("velocity_lag/delay")
-    found = infer(runs, begin, X, Options(("steering_trim",), (), lambda what, share: None, never))
+    found = inferred(LATE, ("steering_trim",))
     assert [n.law.id for n in found.named] == ["steering_trim"]
     assert found.minor == ()
     assert set(found.last.model.ids) == {"velocity_lag", "steering_trim"}
     assert all("velocity_lag" in e.model.ids for e in (found.none, found.last))
 
 
+@pytest.mark.parametrize("after", [0, 3, 25, 60])
+def test_a_search_that_is_stopped_keeps_what_it_has_and_that_can_be_simulated(after: int) -> None:
+    asked = count()
+    found = inferred(MODEL, ("steering_trim", "velocity_lag"), stop=lambda: next(asked) >= after)
+    assert found.stopped
+    for part in (found.none, found.last):
+        assert isinstance(part.problem, Problem)
+        assert part.problem.model(part.model, part.fitted.x).shape == (part.problem.size,)
+    assert all(one.law.id in found.last.model.ids for one in found.named)
+
+
+def test_a_simulation_after_the_stop_raises() -> None:
+    problem, fitted = fit_with_floor(short_runs((0.1, 2.2)), MODEL, X, near=True)
+    with pytest.raises(Stopped):
+        replace(problem, stop=lambda: True).model(fitted.model, fitted.x)
+
+
 def test_the_noise_level_of_a_run_ignores_what_filters_took() -> None:
     """A gyro log at 200 Hz has hardly any noise above 12 Hz, where the floor is that of a good sensor."""
-    (run,) = sweeps(1, ((0.1, 2.2),))
-    run = replace(run, rates={"r": 200.0})
+    run = replace(sweeps(((0.1, 2.2),))[0], rates={"r": 200.0})
     f = np.arange(0.25, 50.0, 0.25)
     random = np.random.default_rng(2)
     slow = np.fft.rfft(random.standard_normal(run.t.size))
@@ -177,3 +193,22 @@ def test_the_noise_level_of_a_run_ignores_what_filters_took() -> None:
     residual = np.fft.irfft(slow, run.t.size)
     floor = Floor(f, {"r": np.where(f <= 12.0, 2.0 / 100.0, 1e-4)})
     assert level_of(run, {"r": residual}, floor)["r"] == pytest.approx(1.0, rel=0.15)
+
+
+@pytest.mark.parametrize("at_bound", [0, 7])
+def test_draws_in_a_corner_of_the_bounds_are_those_of_the_cut_off_gaussian(at_bound: int) -> None:
+    """Against draws without bounds of which those inside are kept."""
+    random = np.random.default_rng(0)
+    root = random.standard_normal((10, 10))
+    low = np.where(np.arange(10) < at_bound, 0.0, -50.0)
+    found = between_bounds(root @ root.T, low, np.full(10, 50.0), seed=1)
+    every = random.multivariate_normal(np.zeros(10), root @ root.T, 400_000)
+    kept = every[np.all(every >= low, axis=1)]
+    assert found.std(axis=0) == pytest.approx(kept.std(axis=0), rel=0.2)
+    assert np.all(np.abs(found.mean(axis=0) - kept.mean(axis=0)) < 0.3 * kept.std(axis=0))
+
+
+def test_a_coordinate_that_takes_anothers_place_keeps_its_bound() -> None:
+    covariance = np.array([[1e4, 1e4 - 0.5], [1e4 - 0.5, 1e4]])
+    found = between_bounds(covariance, np.array([-np.inf, -0.3]), np.array([np.inf, 0.3]), seed=1)
+    assert np.std(found[:, 0]) == pytest.approx(1.02, rel=0.15)
