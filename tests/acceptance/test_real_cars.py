@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 
 import rover_sweep as rs
+from rover_sweep.report.identification.sentences import handling_notes
 
 MAPS = Path(__file__).parents[1] / "data" / "cars"
 DART, CIRCLES, JOYSTICK = (
@@ -17,9 +18,6 @@ DART, CIRCLES, JOYSTICK = (
     "umich_ardupilot_rover_circles_2017",
     "umich_nvidia_rover_joystick_2017",
 )
-
-
-SLOW = pytest.param(JOYSTICK, marks=pytest.mark.slow)
 
 
 @pytest.fixture(scope="module")
@@ -33,7 +31,7 @@ def cars(foreign_recordings: Path) -> Callable[[str], Any]:
             vehicle=MAPS / f"{name}.vehicle.toml",
             columns=MAPS / f"{name}.columns.toml",
         )
-        return rs.identify(runs, bootstrap=20)
+        return rs.identify(runs, bootstrap=0)
 
     return found
 
@@ -46,44 +44,35 @@ def test_the_boat_is_refused(foreign_recordings: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "band"),
-    [(DART, (0.3, 8.0)), (CIRCLES, (1.1, 14.0)), pytest.param(JOYSTICK, (1.3, 4.5), marks=pytest.mark.slow)],
+    ("name", "band", "wheelbase"),
+    [
+        (DART, (0.3, 8.0), 0.1735),
+        (CIRCLES, (1.1, 14.0), 0.33),
+        pytest.param(JOYSTICK, (1.3, 4.5), 0.3302, marks=pytest.mark.slow),
+    ],
 )
-def test_the_yaw_rate_has_a_usable_band_at_every_speed(
-    cars: Any, name: str, band: tuple[float, float]
+def test_every_speed_has_a_band_and_every_model_a_verdict_or_a_reason(
+    cars: Any, name: str, band: tuple[float, float], wheelbase: float
 ) -> None:
-    """The widest covers `band` [rad/s]; the simple coherence of the sources' notes ends at 13, 15 and 7."""
-    found = [g.responses["r"].band for g in cars(name).groups]
+    """The widest covers `band` [rad/s]; the simple coherence of the sources' notes ends at 13, 15 and 7.
+    The steering scales are approximate (20 %), and the cars understeer at the speeds they were driven."""
+    result = cars(name)
+    found = [g.responses["r"].band for g in result.groups]
     assert all(found)
     low, high = max(found, key=lambda b: b[1] / b[0])
     assert low < band[0] and high > band[1]
-
-
-@pytest.mark.parametrize("name", [DART, CIRCLES, SLOW])
-def test_every_model_has_a_verdict_or_a_reason(cars: Any, name: str) -> None:
-    result = cars(name)
     assert set(result.models) | set(result.refused) == {"kinematic", "bicycle", "roll-yaw", "lumped"}
     assert {"roll-yaw", "lumped"} <= set(result.refused)
     assert all(m.verdict.sentences for m in result.models.values())
     assert result.summary[0].startswith(("use the ", "no physical model fits these runs")) and repr(result)
+    assert result.models["kinematic"].fit["L_eff"].value == pytest.approx(wheelbase, rel=0.3)
 
 
 def test_a_car_driven_at_the_friction_limit_gives_no_tyre_parameters(cars: Any) -> None:
-    from rover_sweep.report.identification.sentences import handling_notes
-
     assert cars(DART).recommended == "kinematic"
     assert cars(DART).models["bicycle"].verdict.level == "not identifiable"
     assert cars(DART).handling == {}
     assert sum("friction limit" in n.text for n in handling_notes(cars(DART))) == 3
-
-
-@pytest.mark.parametrize(
-    ("name", "wheelbase"),
-    [(DART, 0.1735), (CIRCLES, 0.33), pytest.param(JOYSTICK, 0.3302, marks=pytest.mark.slow)],
-)
-def test_the_effective_wheelbase_is_near_the_real_one(cars: Any, name: str, wheelbase: float) -> None:
-    """The steering scales are approximate (20 %), and the cars understeer at the speeds they were driven."""
-    assert cars(name).models["kinematic"].fit["L_eff"].value == pytest.approx(wheelbase, rel=0.3)
 
 
 def test_a_rover_that_hardly_rolls_is_told_so(cars: Any) -> None:

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 import pytest
@@ -14,20 +14,28 @@ ROOT = Path(__file__).parents[2]
 OnBlocks = Callable[..., str]
 
 
+@contextmanager
+def rover_on_blocks(folder: Path, *options: str) -> Iterator[str]:
+    """The URL of an embedded rover with play, an uneven gain and a slow servo."""
+    variant = folder / "variant.toml"
+    variant.write_text(VARIANT)
+    given = ("--parameter", "SCHED_LOOP_RATE=100", *options)
+    with start_embedded(folder / "rover", variant=variant, options=given) as rover:
+        yield rover.connection
+
+
 @pytest.fixture
 def on_blocks(tmp_path: Path) -> Iterator[OnBlocks]:
-    """Start an embedded rover with play, an uneven gain and a slow servo; returns its URL."""
-    variant = tmp_path / "variant.toml"
-    variant.write_text(VARIANT)
+    """Starts one with these options."""
     with ExitStack() as stack:
+        yield lambda *options: stack.enter_context(rover_on_blocks(tmp_path, *options))
 
-        def start(*options: str) -> str:
-            given = ("--parameter", "SCHED_LOOP_RATE=100", *options)
-            return stack.enter_context(
-                start_embedded(tmp_path / "rover", variant=variant, options=given)
-            ).connection
 
-        yield start
+@pytest.fixture(scope="module")
+def refusing_url(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    """One for all tests in which nothing moves."""
+    with rover_on_blocks(tmp_path_factory.mktemp("refusing")) as url:
+        yield url
 
 
 @pytest.fixture
