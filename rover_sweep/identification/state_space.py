@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -73,6 +74,7 @@ def held_input(a: Array, b: Array, time: float) -> tuple[Array, Array]:
 
 
 Builder = Callable[[Mapping[str, Any]], Matrices]
+STEP = 1e-20  # of the complex step
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,17 +116,17 @@ class ModelStructure:
         """The parameters that a fit changes, in the order of all (n_free,) arrays."""
         return tuple(p for p in self.parameters if p.free)
 
-    @property
-    def values(self) -> dict[str, float]:
+    @cached_property
+    def values(self) -> Mapping[str, float]:
         """All parameter values by name."""
         return {p.name: p.value for p in self.parameters}
 
     def with_values(self, values: Mapping[str, float]) -> ModelStructure:
         """The structure with other parameter values; tied parameters follow the one they are tied to."""
-        return replace(
-            self,
-            parameters=tuple(replace(p, value=float(values.get(p.name, p.value))) for p in self.parameters),
+        changed = (
+            replace(p, value=float(values[p.name])) if p.name in values else p for p in self.parameters
         )
+        return replace(self, parameters=tuple(changed))
 
     def with_free(self, names: Sequence[str]) -> ModelStructure:
         """The structure with exactly these parameters free."""
@@ -177,25 +179,35 @@ class ModelStructure:
 
         Low-passes of sensors do not change it.
         """
-        source, step = input or self.inputs[0], 1e-20
+        source = input or self.inputs[0]
         if not self.free:
             return np.empty((w.size, 0), dtype=complex)
         path = self._path(w, speed, output, source)
-        moved = [self._moved(p.name, 1j * step) for p in self.free]
-        late = np.array([np.imag(_delay(self, values, source, output)) / step for values in moved])
-        built = [self.build({**values, "V": speed}) for values in moved]
-        change = path.derivatives(
-            [Matrices(*(np.imag(a) / step for a in (b.m, b.f, b.g, b.h0, b.h1))) for b in built]
-        )
+        late = np.array([np.imag(_delay(self, values, source, output)) / STEP for values in self._moved])
+        if speed not in self._changes:  # the same for all outputs
+            built = [self.build({**values, "V": speed}) for values in self._moved]
+            self._changes[speed] = [
+                Matrices(*(np.imag(a) / STEP for a in (b.m, b.f, b.g, b.h0, b.h1))) for b in built
+            ]
+        change = path.derivatives(self._changes[speed])
         return change / path.response[:, None] - 1j * w[:, None] * late
 
     def _path(self, w: Array, speed: float, output: str, input: str) -> _Path:
         return _Path(self.matrices(speed), w, self.outputs.index(output), self.inputs.index(input))
 
-    def _moved(self, name: str, step: complex) -> dict[str, Any]:
-        """All values with one parameter changed, and those tied to it."""
-        values: dict[str, Any] = {**self.values, name: self.values[name] + step}
-        return values | {p.name: p.tied[1] * values[p.tied[0]] for p in self.parameters if p.tied}
+    @cached_property
+    def _moved(self) -> list[dict[str, Any]]:
+        """All values with one free parameter changed by a complex step, and those tied to it, for each."""
+        moved = []
+        for changed in self.free:
+            values: dict[str, Any] = {**self.values, changed.name: changed.value + 1j * STEP}
+            moved.append(values | {p.name: p.tied[1] * values[p.tied[0]] for p in self.parameters if p.tied})
+        return moved
+
+    @cached_property
+    def _changes(self) -> dict[float, list[Matrices]]:
+        """{speed: derivatives of the matrices with respect to the free parameters}, as they are needed."""
+        return {}
 
 
 def _tied(parameters: Sequence[Parameter]) -> tuple[Parameter, ...]:
