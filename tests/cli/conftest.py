@@ -8,7 +8,10 @@ import pytest
 from program_calls import ProgramResult, RunProgram
 
 from rover_sweep.cli import main
+from rover_sweep.cli.driving import session_display
+from rover_sweep.identification.grouping import Settings
 from sitl import launcher
+from tests.vehicle.simulated_drive import READY
 
 
 @pytest.fixture
@@ -27,13 +30,18 @@ def run_program(capsys: pytest.CaptureFixture[str]) -> RunProgram:
 @pytest.fixture(scope="module")
 def fresh(tmp_path_factory: pytest.TempPathFactory) -> Iterator[launcher.Running]:
     """A rover as it comes: no scripting, no applet."""
-    with launcher.start_embedded(tmp_path_factory.mktemp("fresh"), speedup=8) as rover:
+    with launcher.start_embedded(tmp_path_factory.mktemp("fresh"), speedup=4) as rover:
         yield rover
 
 
 @pytest.fixture(scope="module")
 def ready(tmp_path_factory: pytest.TempPathFactory) -> Iterator[launcher.Running]:
     """A rover with the applet and its parameters."""
-    with launcher.start_embedded(tmp_path_factory.mktemp("ready"), speedup=8) as rover:
-        assert main.run(["firmware", "install", "--yes", "--connect", rover.connection]) == 0
+    with launcher.start_embedded(tmp_path_factory.mktemp("ready"), options=READY, speedup=8) as rover:
         yield rover
+
+
+@pytest.fixture
+def few_draws(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What was driven is identified with hardly any bootstrap."""
+    monkeypatch.setattr(session_display, "Settings", lambda bootstrap: Settings(bootstrap=20))

@@ -7,8 +7,9 @@ from pathlib import Path
 from typing import NamedTuple
 
 ROVER = str(Path(__file__).parents[1] / "data" / "rover.toml")
-SHORT = ("--sweep", "120,2,20,10", "--sweep", "amplitude=240,wmin=2,wmax=20,trec=10", "--doublet", "150")
-DRIVEN = ("--arm", "--throttle", "1710", "--throw-switch", "--limit", "v_max=5")
+SWEEP = ("--sweep", "120,2,20,10")
+DOUBLET = ("--doublet", "150")
+DRIVEN = ("--arm", "--throttle", "1710", "--throw-switch", "--limit", "v_max=5", "--limit", "still=1")
 
 
 class ProgramResult(NamedTuple):

@@ -10,24 +10,26 @@ import time
 from pathlib import Path
 
 import pytest
-from program_calls import RunProgram
+from program_calls import DOUBLET, SWEEP
 
-SHORT = ("--sweep", "160,2,20,10", "--sweep", "320,2,20,10", "--doublet", "150")
+from rover_sweep.cli.driving.simulated import truth
+from rover_sweep.logs.read import read_runs
+from sitl.plant.effects.replaced_numbers import resolved
+from sitl.plant.variant import load_variant
 
 
-def test_results_to_stdout_narration_in_order_and_the_truth(
-    run_program: RunProgram, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_results_to_stdout_narration_in_order_and_the_truth(run_program, tmp_path, monkeypatch, few_draws):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "dry-run").mkdir()
     (tmp_path / "dry-run" / "notes.txt").write_text("mine")
-    done = run_program("dry-run", *SHORT)  # the second sweep is past SWP_PWM_MAX as it comes
+    sweep = ("--sweep", "320,2,20,10")  # past SWP_PWM_MAX as it comes
+    done = run_program("dry-run", *sweep, *DOUBLET)
     assert done.code == 0, done.err
     report, following = done.out.rstrip().splitlines()[-2:]
     assert report == "report: dry-run-2/report/report.html"
     assert following.startswith("next: rover-sweep diagnose dry-run-2 --out dry-run-2/report")
     lines = done.err.splitlines()
-    order = ["connected to", "sweep1: sweep, +-160", "sweep1: keep", "sweep2: sweep, +-320", "doublet: done"]
+    order = ["connected to", "sweep1: sweep, +-320", "sweep1: keep", "doublet: done"]
     places = [next(i for i, line in enumerate(lines) if words in line) for words in order]
     assert places == sorted(places) and "━" not in done.err + done.out
     truth = done.out.partition("True parameters of the simulated rover")[2].splitlines()
@@ -37,6 +39,11 @@ def test_results_to_stdout_narration_in_order_and_the_truth(
     written = json.loads((tmp_path / "dry-run-2/report/identification.json").read_text())
     assert found == pytest.approx(written["numbers"]["Izz"]["value"], rel=1e-3)
     assert [p.name for p in (tmp_path / "dry-run").iterdir()] == ["notes.txt"]
+    (log,) = (tmp_path / "dry-run-2").glob("*.BIN")
+    recorded = read_runs(str(log))
+    assert [run.kind for run in recorded] == ["sweep", "doublet"]
+    amplitudes = [abs(run.manoeuvre("pwm").x - 1500).max() for run in recorded]
+    assert amplitudes == pytest.approx([320, 150], abs=2)
     again = run_program("dry-run", "--out", "dry-run-2")
     assert again.code == 2 and "already contains a session" in again.err and again.err.count("\n") == 1
 
@@ -55,13 +62,7 @@ def test_results_to_stdout_narration_in_order_and_the_truth(
         (("--throw-switch", "pilot"), "has no radio for switch 6"),
     ],
 )
-def test_mistakes_are_told_at_once_and_leave_nothing(
-    run_program: RunProgram,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    arguments: tuple[str, ...],
-    said: str,
-) -> None:
+def test_mistakes_are_told_at_once_and_leave_nothing(run_program, tmp_path, monkeypatch, arguments, said):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "file").write_text("")
     done = run_program("dry-run", *arguments)
@@ -73,13 +74,11 @@ def test_mistakes_are_told_at_once_and_leave_nothing(
     "how",
     [signal.SIGTERM, *(pytest.param(how, marks=pytest.mark.slow) for how in (signal.SIGINT, signal.SIGHUP))],
 )
-def test_being_ended_says_what_was_kept_and_that_the_rover_was_let_go(
-    tmp_path: Path, how: signal.Signals
-) -> None:
+def test_being_ended_says_what_was_kept_and_that_the_rover_was_let_go(tmp_path, how):
     """As in the background of a script, where Ctrl-C is ignored from the start."""
     before = signal.signal(signal.SIGINT, signal.SIG_IGN)
     hangup = signal.signal(signal.SIGHUP, signal.SIG_DFL)  # under nohup it ends nothing
-    command = [sys.executable, "-m", "rover_sweep", "dry-run", "--out", str(tmp_path / "x")]
+    command = [sys.executable, "-m", "rover_sweep", "dry-run", *SWEEP, *SWEEP, "--out", str(tmp_path / "x")]
     program = subprocess.Popen(command, stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True)
     signal.signal(signal.SIGINT, before)
     signal.signal(signal.SIGHUP, hangup)
@@ -97,9 +96,7 @@ def test_being_ended_says_what_was_kept_and_that_the_rover_was_let_go(
     assert f"kept in {tmp_path / 'x'}: sweep1.tlog, sweep2.tlog (no complete run)" in text
 
 
-def test_a_simulated_rover_that_dies_says_why(
-    run_program: RunProgram, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_simulated_rover_that_dies_says_why(run_program, tmp_path, monkeypatch):
     """It dies when the first ground station connects, after it said that it was ready."""
     broken = tmp_path / "broken.py"
     broken.write_text(
@@ -115,3 +112,14 @@ def test_a_simulated_rover_that_dies_says_why(
     monkeypatch.setattr(launcher, "_start", lambda _, *rest: start([sys.executable, str(broken)], *rest))
     done = run_program("dry-run", "--out", str(tmp_path / "x"))
     assert done.code == 4 and "the simulated rover ended: the tyres fell off" in done.err
+
+
+def test_effects_of_a_variant_show_in_the_truth(tmp_path: Path) -> None:
+    path = tmp_path / "slow.toml"
+    path.write_text(
+        'base = "nominal"\n[effects]\nservo_lag = { T = 0.09 }\nfront_rear_stiffness = { ratio = 1.5 }\n'
+    )
+    true, nominal = truth(resolved(load_variant(path))), truth(load_variant("nominal"))
+    assert true["tau"] == pytest.approx(0.09 + 0.015)
+    assert true["Cf"] / true["Cr"] == pytest.approx(1.5) and true["C"] == pytest.approx(nominal["C"])
+    assert true["Izz"] == nominal["Izz"]

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import pytest
 from program_calls import RunProgram
 
 from firmware_params.applet_parameters import applet_source
 from firmware_params.param_files import shipped
 from rover_sweep.vehicle import setup as applet_module
-from sitl import launcher
 
 
 def test_applet_and_parameters_are_written(run_program: RunProgram, tmp_path: Path) -> None:
@@ -26,57 +24,35 @@ def test_applet_and_parameters_are_written(run_program: RunProgram, tmp_path: Pa
     assert wrong.code == 2 and "identification" in wrong.err
 
 
-def test_a_fresh_rover_is_checked_and_nothing_changed(
-    run_program: RunProgram, fresh: launcher.Running
-) -> None:
-    before = (fresh.directory / "parameters.txt").read_text()
-    done = run_program("firmware", "check", "--connect", fresh.connection)
+def test_install_asks_before_it_changes_anything(run_program, fresh, monkeypatch):
+    where = ("--connect", fresh.connection)
+    file, asked = fresh.directory / "parameters.txt", list[str]()
+    before = file.read_text()
+    done = run_program("firmware", "check", *where)
     rows = {line.split()[0]: line for line in done.out.splitlines() if line.strip()}
-    assert done.code == 1 and done.err.startswith("next: ")
+    assert done.code == 1
+    assert done.err == f"next: rover-sweep firmware install --connect {fresh.connection}\n"
     assert "differs" in rows["SCHED_LOOP_RATE"] and ">= 100" in rows["SCHED_LOOP_RATE"]
     assert "yes" in rows["SCHED_LOOP_RATE"] and "servo, IMU log" in rows["SCHED_LOOP_RATE"]
     assert "fits" in rows["FS_ACTION"] and "the applet does not run" in done.out
-    assert (fresh.directory / "parameters.txt").read_text() == before
-    assert not (fresh.directory / "scripts" / "rover_sweep.lua").exists()
-
-
-def test_install_asks_before_it_changes_anything(
-    run_program: RunProgram, fresh: launcher.Running, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    before = (fresh.directory / "parameters.txt").read_text()
-    done = run_program("firmware", "install", "--connect", fresh.connection)  # nobody to ask
+    done = run_program("firmware", "install", *where)  # nobody to ask
     assert done.code == 2 and "give --yes" in done.err
     monkeypatch.setattr("sys.stdin.isatty", lambda: True, raising=False)
     monkeypatch.setattr("click.confirm", lambda *_, **__: False)
-    assert run_program("firmware", "install", "--connect", fresh.connection).code == 1
-    assert (fresh.directory / "parameters.txt").read_text() == before
-
-
-def test_no_reboot_without_consent(
-    run_program: RunProgram, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    asked = []
-
-    def confirm(question: str, **_: object) -> bool:
-        asked.append(question)
-        return len(asked) == 1  # install, but do not reboot
-
-    monkeypatch.setattr("sys.stdin.isatty", lambda: True, raising=False)
-    monkeypatch.setattr("click.confirm", confirm)
-    options = ("--parameter", "SCR_ENABLE=1")
-    with launcher.start_embedded(tmp_path, options=options, speedup=8) as rover:
-        done = run_program("firmware", "install", "--connect", rover.connection)
-        saved = (tmp_path / "parameters.txt").read_text()
-    assert "Reboot the rover to apply SCHED_LOOP_RATE?" in asked
+    assert run_program("firmware", "install", *where).code == 1
+    assert file.read_text() == before
+    assert not (fresh.directory / "scripts" / "rover_sweep.lua").exists()
+    monkeypatch.setattr("click.confirm", lambda words, **_: [asked.append(words), len(asked) == 1][1])
+    done = run_program("firmware", "install", *where)
+    assert asked[1] == "Reboot the rover to apply SCR_ENABLE, SCHED_LOOP_RATE?"
     assert "SCHED_LOOP_RATE will take effect after a reboot" in done.err
-    assert "STAT_BOOTCNT 1.0" in saved and "SCHED_LOOP_RATE 100.0" in saved
+    assert "STAT_BOOTCNT 1.0" in file.read_text() and "SCHED_LOOP_RATE 100.0" in file.read_text()
 
 
-def test_an_installed_rover_fits_and_another_applet_does_not(
-    run_program: RunProgram, ready: launcher.Running, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_installed_rover_fits_and_another_applet_does_not(run_program, ready):
     done = run_program("firmware", "check", "--connect", ready.connection)
     assert done.code == 0 and "has everything" in done.out
+    assert done.err == f"next: rover-sweep preflight --connect {ready.connection}\n"
     assert f"applet {applet_module.version_of(applet_source())} runs" in done.out
     file = ready.directory / "scripts" / "rover_sweep.lua"
     file.write_text(applet_source().replace('VERSION = "', 'VERSION = "0.'))

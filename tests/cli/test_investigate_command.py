@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from program_calls import ROVER, RunProgram
+from program_calls import ROVER
 
 from rover_sweep.api import investigation
 from rover_sweep.cli.views.display import PlainDisplay
@@ -17,7 +17,6 @@ from rover_sweep.diagnosis.result import Diagnosis
 from rover_sweep.manoeuvre.sweep import Doublet, Manoeuvre, Sweep
 from rover_sweep.session.folder import read_folder
 from rover_sweep.vehicle.events import Armed, Event
-from sitl import launcher
 
 DRIVEN = ("--arm", "--throttle", "1710", "--speed", "2.5", "--throw-switch", "--limit", "v_max=5")
 RUN = str(Path(__file__).parents[1] / "data" / "ardurover-4.6.3" / "nominal" / "run1.BIN")
@@ -60,9 +59,7 @@ def quick(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     yield
 
 
-def test_one_yes_drives_one_run_and_the_next_one_is_asked_for(
-    run_program: RunProgram, ready: launcher.Running, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_one_yes_drives_one_run_and_the_next_one_is_asked_for(run_program, ready, tmp_path, monkeypatch):
     person, out = Person(monkeypatch, 1), tmp_path / "today"
     command = ("investigate", "--connect", ready.connection, "--vehicle", ROVER, "--out", str(out), *DRIVEN)
     done = run_program(*command)
@@ -98,22 +95,14 @@ def test_one_yes_drives_one_run_and_the_next_one_is_asked_for(
         ((RUN, "--vehicle", ROVER, "--speed", "25"), "give a smaller --speed"),
     ],
 )
-def test_mistakes_of_an_investigation_are_one_sentence(
-    run_program: RunProgram,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    arguments: tuple[str, ...],
-    said: str,
-) -> None:
+def test_mistakes_of_an_investigation_are_one_sentence(run_program, tmp_path, monkeypatch, arguments, said):
     monkeypatch.chdir(tmp_path)
     done = run_program("investigate", *arguments)
     assert done.code == 2 and said in done.err and done.err.count("\n") == 1, done.err
     assert not list(tmp_path.iterdir())
 
 
-def test_recorded_runs_get_the_next_step_and_nothing_is_driven(
-    run_program: RunProgram, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_recorded_runs_get_the_next_step_and_nothing_is_driven(run_program, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     done = run_program("investigate", RUN, "--vehicle", ROVER, "--json")
     assert done.code == 0 and "next run: doublet" in done.err

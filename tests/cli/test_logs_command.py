@@ -8,7 +8,6 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from program_calls import RunProgram
 
 from rover_sweep.vehicle.link.link import Link
 from sitl import launcher
@@ -44,9 +43,7 @@ def on_card(rover: launcher.Running) -> list[Path]:
 
 
 @pytest.mark.parametrize("via", ["mavlink", "mavsdk"])
-def test_listed_and_fetched_byte_by_byte(
-    run_program: RunProgram, rover: launcher.Running, tmp_path: Path, via: str
-) -> None:
+def test_listed_and_fetched_byte_by_byte(run_program, rover, tmp_path, via):
     where = ("--connect", rover.connection, "--via", via)
     listed = json.loads(run_program("logs", "list", "--json", *where).out)["logs"]
     cards = on_card(rover)
@@ -66,9 +63,7 @@ def test_listed_and_fetched_byte_by_byte(
     assert len(list(tmp_path.iterdir())) == 2
 
 
-def test_an_interrupted_download_goes_on(
-    run_program: RunProgram, rover: launcher.Running, tmp_path: Path
-) -> None:
+def test_an_interrupted_download_goes_on(run_program, rover, tmp_path):
     whole = on_card(rover)[0].read_bytes()
     (tmp_path / "log1.BIN.part").write_bytes(whole[: len(whole) // 2])
     done = run_program("logs", "fetch", "1", "--out", str(tmp_path), "--connect", rover.connection)
@@ -78,9 +73,9 @@ def test_an_interrupted_download_goes_on(
     assert (tmp_path / "log2.BIN").read_bytes() == b"somebody else's" and "log2-2.BIN" in done.out
 
 
-def test_mistakes_are_one_sentence(
-    run_program: RunProgram, rover: launcher.Running, fresh: launcher.Running, tmp_path: Path
-) -> None:
+def test_no_logs_and_mistakes_are_one_sentence_and_an_armed_rover_gives_none(
+    run_program, rover, fresh, tmp_path
+):
     for arguments, code, said in (
         (("fetch", "7", "--connect", rover.connection), 2, "no log 7 on the vehicle; there are 1 to 2"),
         (("fetch", "--connect", fresh.connection), 2, "it writes one once it is armed"),
@@ -90,15 +85,8 @@ def test_mistakes_are_one_sentence(
         done = run_program("logs", *arguments)
         assert (done.code, done.out) == (code, "") and said in done.err and done.err.count("\n") == 1
     assert "no log on the card" in run_program("logs", "list", "--connect", fresh.connection).out
-
-
-@pytest.mark.parametrize("via", ["mavlink", "mavsdk"])
-def test_an_armed_rover_gives_no_logs_and_takes_no_parameters(
-    run_program: RunProgram, fresh: launcher.Running, tmp_path: Path, via: str
-) -> None:
     armed_for_a_while(fresh.connection, tmp_path / "x.tlog", disarm=False)
-    where = ("--connect", fresh.connection, "--via", via)
-    for arguments in (("logs", "list"), ("logs", "fetch"), ("params", "push", "--yes")):
-        done = run_program(*arguments, *where)
+    where = ("--connect", fresh.connection, "--via", "mavsdk")
+    for command in (("logs", "list"), ("logs", "fetch"), ("params", "push", "--yes")):
+        done = run_program(*command, *where)
         assert done.code == 4 and "armed; disarm" in done.err.splitlines()[-1]
-    armed_for_a_while(fresh.connection, tmp_path / "x.tlog")

@@ -8,7 +8,14 @@ import pytest
 from rover_sweep.cli.driving_options import LIMIT, Manoeuvres, manoeuvre_type
 from rover_sweep.errors import UsageError
 from rover_sweep.manoeuvre.multisine import Multisine
-from rover_sweep.manoeuvre.sweep import BiasSweep, Doublet, Manoeuvre, parameters_of, refuse_undersampled
+from rover_sweep.manoeuvre.sweep import (
+    BiasSweep,
+    Doublet,
+    Manoeuvre,
+    Sweep,
+    parameters_of,
+    refuse_undersampled,
+)
 from rover_sweep.session.content import SessionRun
 from rover_sweep.session.simulated_rover import SimulatedRover, simulated_plan
 
@@ -47,6 +54,10 @@ def test_parameters_of_the_applet() -> None:
     assert (values["SWP_TYPE"], values["SWP_AMP"], values["SWP_COUNT"]) == (2, 200, 4)
     values = parameters_of(BiasSweep(amplitude=80, bias=-100))
     assert (values["SWP_TYPE"], values["SWP_AMP"], values["SWP_BIAS"]) == (3, 80, -100)
+    sweep = parameters_of(Sweep(amplitude=120, w_max=20), v_max=3.0)
+    assert (sweep["SWP_TYPE"], sweep["SWP_AMP"], sweep["SWP_WMAX"], sweep["SWP_V_MAX"]) == (0, 120, 20, 3)
+    doublet = parameters_of(Doublet(pulse=0.5))
+    assert (doublet["SWP_TYPE"], doublet["SWP_PULSE"], doublet["SWP_COUNT"]) == (1, 0.5, 2)
     with pytest.raises(UsageError, match="SWP_COUNT 21"):
         parameters_of(Multisine(periods=21))
     with pytest.raises(UsageError, match="amplitude, kind: set by the manoeuvre"):

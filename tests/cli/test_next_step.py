@@ -13,7 +13,6 @@ from program_calls import ROVER, RunProgram
 
 from rover_sweep.cli.main import COMMANDS, run
 from rover_sweep.quality import verdict
-from sitl import launcher
 
 NOMINAL = Path(__file__).parents[1] / "data/ardurover-4.6.3/nominal"
 RUN = str(NOMINAL / "run1.BIN")
@@ -59,13 +58,7 @@ def named(run_program: RunProgram, capsys: pytest.CaptureFixture[str]) -> Callab
     ],
     ids=lambda value: " ".join(value[:2]) if isinstance(value, tuple) else "",
 )
-def test_without_a_rover(
-    named: Callable[..., list[str]],
-    call: tuple[str, ...],
-    next_commands: list[str],
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_without_a_rover(named, call, next_commands, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert named(*call) == next_commands
 
@@ -74,18 +67,3 @@ def test_a_weak_run_is_driven_again(run_program: RunProgram, monkeypatch: pytest
     judge = verdict.assess
     monkeypatch.setattr(verdict, "assess", lambda *given: replace(judge(*given), advice="repeat"))
     assert "next: drive again what is not kept" in run_program("coherence", RUN).err
-
-
-def test_on_a_rover_as_it_comes(named: Callable[..., list[str]], fresh: launcher.Running) -> None:
-    link = ("--connect", fresh.connection)
-    url = f"--connect {fresh.connection}"
-    assert named("firmware", "check", *link) == [f"rover-sweep firmware install {url}"]
-    assert named("params", "diff", *link) == [f"rover-sweep params push identification {url}"]
-    (step,) = named("preflight", *link)
-    assert step.startswith(f"rover-sweep preflight {url} --fix ")
-
-
-def test_on_a_rover_that_is_set_up(named: Callable[..., list[str]], ready: launcher.Running) -> None:
-    link = ("--connect", ready.connection)
-    assert named("firmware", "check", *link) == [f"rover-sweep preflight --connect {ready.connection}"]
-    assert named("params", "diff", *link) == [f"rover-sweep preflight --connect {ready.connection}"]

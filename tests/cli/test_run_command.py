@@ -4,27 +4,37 @@ from __future__ import annotations
 
 import contextlib
 import json
-from pathlib import Path
 
 import pytest
-from program_calls import DRIVEN, ROVER, SHORT, RunProgram
+from program_calls import DOUBLET, DRIVEN, ROVER, SWEEP
 
 from rover_sweep.cli.driving import driven
 from rover_sweep.cli.driving_options import Manoeuvres
-from rover_sweep.cli.views.display import PlainDisplay, live_line
+from rover_sweep.cli.views.display import PlainDisplay
 from rover_sweep.manoeuvre.sweep import Sweep
 from rover_sweep.session.content import SessionRun
 from rover_sweep.session.folder import Session
 from rover_sweep.tui.model.plan_rows import FIRST
-from rover_sweep.vehicle.events import Event, Sample, StateChanged
-from sitl import launcher
+from rover_sweep.vehicle.events import Event, StateChanged
+
+SECOND = ("--sweep", "amplitude=240,wmin=2,wmax=20,trec=10")
+pytestmark = pytest.mark.usefixtures("few_draws")
 
 
-def test_runs_are_driven_judged_fetched_and_identified(
-    run_program: RunProgram, ready: launcher.Running, tmp_path: Path
-) -> None:
+def test_runs_are_driven_judged_fetched_and_identified(run_program, ready, tmp_path):
     out = tmp_path / "today"
-    command = ("run", "--connect", ready.connection, "--vehicle", ROVER, "--out", str(out), *SHORT, *DRIVEN)
+    command = (
+        "run",
+        "--connect",
+        ready.connection,
+        "--vehicle",
+        ROVER,
+        "--out",
+        str(out),
+        *SWEEP,
+        *DOUBLET,
+        *DRIVEN,
+    )
     done = run_program(*command)
     assert done.code == 0, done.err
     lines = done.err.splitlines()
@@ -34,17 +44,15 @@ def test_runs_are_driven_judged_fetched_and_identified(
         "sweep1: sweep",
         "run 1 start sweep",
         "sweep1: keep",
-        "sweep2: sweep",
-        "sweep2: keep",
         "doublet: done",
         "log fetched",
     ]
     places = [next(i for i, line in enumerate(lines) if words in line) for words in order]
     assert places == sorted(places)
     told_of = [line for line in lines if line.startswith("  telemetry: ")]
-    assert len(told_of) == 3 and all("Hz, jitter" in line and "the rover's log" in line for line in told_of)
+    assert len(told_of) == 2 and all("Hz, jitter" in line and "the rover's log" in line for line in told_of)
     (origin,) = [line for line in lines if "identified from log" in line]
-    assert origin.startswith("sweep1, sweep2, doublet: identified from log") and "SWEP.Out" in origin
+    assert origin.startswith("sweep1, doublet: identified from log") and "SWEP.Out" in origin
     assert "on one clock, no messages dropped (DSF.Dp)" in origin
     assert "Use the roll-yaw model" in done.out and "(not in the fit) J_rms" in done.out
     assert done.out.rstrip().splitlines()[-2:] == [
@@ -52,32 +60,14 @@ def test_runs_are_driven_judged_fetched_and_identified(
         f"next: rover-sweep diagnose {out} --out {out / 'report'}; rover-sweep gains {out / 'report'}",
     ]
     written = json.loads((out / "report" / "identification.json").read_text())
-    assert [run["kind"] for run in written["runs"]] == ["sweep", "sweep"]
+    assert [run["kind"] for run in written["runs"]] == ["sweep"]
     again = run_program(*command)
     assert again.code == 2 and "already contains a session (session.json)" in again.err
     exported = run_program("export", str(out), "--model", "roll-yaw")  # of a session as well as of its report
     assert exported.code == 0 and json.loads(exported.out)["model"] == "roll-yaw"
 
 
-def test_a_doublet_alone_is_recorded_and_not_identified(
-    ready: launcher.Running, run_program: RunProgram, tmp_path: Path
-) -> None:
-    out = tmp_path / "doublet"
-    done = run_program(
-        *("run", "--connect", ready.connection, "--vehicle", ROVER, "--out", str(out)),
-        "--doublet",
-        "150",
-        *DRIVEN,
-    )
-    assert done.code == 0, done.err
-    said = " ".join(done.err.split())
-    assert "nothing is identified: doublet is a doublet; a sweep is needed" in said and "doublet.tlog" in said
-    assert (out / "doublet.tlog").stat().st_size > 1000 and not (out / "report").exists()
-
-
-def test_ctrl_c_lets_go_and_goes_on_with_the_whole_runs(
-    run_program: RunProgram, ready: launcher.Running, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_ctrl_c_lets_go_and_goes_on_with_the_whole_runs(run_program, ready, tmp_path, monkeypatch):
     """The interrupt comes while the second sweep is shown, that is, outside of the session itself."""
     seen = []
     show = PlainDisplay.show
@@ -90,18 +80,8 @@ def test_ctrl_c_lets_go_and_goes_on_with_the_whole_runs(
                 raise KeyboardInterrupt
 
     monkeypatch.setattr(PlainDisplay, "show", interrupted)
-    done = run_program(
-        "run",
-        "--connect",
-        ready.connection,
-        "--vehicle",
-        ROVER,
-        "--out",
-        str(tmp_path / "x"),
-        "--json",
-        *SHORT,
-        *DRIVEN,
-    )
+    where = ("--connect", ready.connection, "--vehicle", ROVER, "--out", str(tmp_path / "x"))
+    done = run_program("run", *where, "--json", *SWEEP, *SECOND, *DOUBLET, *DRIVEN)
     assert done.code == 0, done.err
     assert "sweep2 interrupted: the rover was released" in done.err and "it is disarmed" in done.err
     assert "doublet" not in [p.stem for p in (tmp_path / "x").glob("*.tlog")]
@@ -109,25 +89,15 @@ def test_ctrl_c_lets_go_and_goes_on_with_the_whole_runs(
     assert len(found["runs"]) == 1 and "Numbers of the rover" in done.err
 
 
-def test_a_rover_without_the_applet_is_told_how_to_get_it(
-    run_program: RunProgram, fresh: launcher.Running, tmp_path: Path
-) -> None:
-    done = run_program("run", "--connect", fresh.connection, "--vehicle", ROVER, "--out", str(tmp_path / "x"))
-    assert done.code == 4 and "rover-sweep firmware install" in done.err and "the pilot arms" in done.err
-
-
-def test_a_wrong_port_is_one_sentence_and_leaves_the_folder_usable(
-    run_program: RunProgram, fresh: launcher.Running, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_wrong_port_is_one_sentence_and_leaves_the_folder_usable(run_program, fresh, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     command = ("run", "--vehicle", ROVER, "--connect")
-    for out in (("--out", "today"), ()):
-        done = run_program(*command, "tcp:127.0.0.1:1", *out)
-        assert done.code == 4 and "cannot open tcp:127.0.0.1:1" in done.err
-        assert "recorded" not in done.err and done.err.count("\n") == 2
-        again = run_program(*command, fresh.connection, *out)  # taken up: nothing was driven there
-        assert again.code == 4 and "rover-sweep firmware install" in again.err
-    assert sorted(p.name for p in tmp_path.iterdir()) == ["run", "today"]
+    done = run_program(*command, "tcp:127.0.0.1:1")
+    assert done.code == 4 and "cannot open tcp:127.0.0.1:1" in done.err
+    assert "recorded" not in done.err and done.err.count("\n") == 2
+    again = run_program(*command, fresh.connection)  # taken up: nothing was driven there
+    assert again.code == 4 and "rover-sweep firmware install" in again.err and "the pilot arms" in again.err
+    assert [p.name for p in tmp_path.iterdir()] == ["run"]
     assert (tmp_path / "run" / "connect.tlog").stat().st_size > 0
 
 
@@ -146,22 +116,14 @@ def test_a_wrong_port_is_one_sentence_and_leaves_the_folder_usable(
         (("--vehicle", "/nowhere.toml"), "nowhere.toml"),
     ],
 )
-def test_mistakes_are_told_before_anything_is_connected(
-    run_program: RunProgram,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    arguments: tuple[str, ...],
-    said: str,
-) -> None:
+def test_mistakes_are_told_before_anything_is_connected(run_program, tmp_path, monkeypatch, arguments, said):
     monkeypatch.chdir(tmp_path)
     done = run_program("run", "--connect", "tcp:127.0.0.1:1", "--vehicle", ROVER, *arguments)
     assert done.code == 2 and said in done.err and done.err.count("\n") == 1
     assert not list(tmp_path.iterdir())
 
 
-def test_amplitudes_and_frequencies_beyond_the_rover_are_refused_before_it_arms(
-    run_program: RunProgram, ready: launcher.Running, tmp_path: Path
-) -> None:
+def test_amplitudes_and_frequencies_beyond_the_rover_are_refused_before_it_arms(run_program, ready, tmp_path):
     base = ("run", "--connect", ready.connection, "--vehicle", ROVER, *DRIVEN)
     done = run_program(*base, "--sweep", "300", "--out", str(tmp_path / "a"))
     assert done.code == 2 and "SWP_PWM_MAX allows 250 us" in done.err
@@ -169,9 +131,7 @@ def test_amplitudes_and_frequencies_beyond_the_rover_are_refused_before_it_arms(
     assert done.code == 2 and "samples per period at the loop rate of 100 Hz" in done.err
 
 
-def test_resume_says_that_the_log_is_not_downloaded(
-    run_program: RunProgram, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_resume_says_that_the_log_is_not_downloaded(run_program, tmp_path, monkeypatch):
     """Its sentences on the telemetry depend on it, as those of `run`."""
     with contextlib.closing(Session.open(tmp_path)) as session:
         session.plan((SessionRun("sweep1", Sweep()),))
@@ -185,15 +145,6 @@ def test_resume_says_that_the_log_is_not_downloaded(
     command = ("resume", str(tmp_path), "--connect", "tcp:127.0.0.1:1", "--vehicle", ROVER, "--no-log")
     assert run_program(*command).code == 130
     assert given["logs"] is False and given["go_on"]
-
-
-def test_the_live_line_names_what_matters_and_fits() -> None:
-    line = live_line(Sample(1.0, 6, 1620.0, -0.5, 2.25, 2.4, 12.3), "waiting for speed")
-    assert len(line) <= 80
-    for words in ("waiting for speed", "1620 us", "-29 deg/s", "+2.2 m/s²", "2.4 m/s", "12.3 rad/s"):
-        assert words in line
-    unknown = live_line(Sample(1.0, 6, *[float("nan")] * 5), "idle")
-    assert "nan" not in unknown and len(unknown) == len(line)
 
 
 def test_without_a_manoeuvre_every_command_plans_the_same_runs() -> None:

@@ -41,32 +41,20 @@ def test_a_structure_stands_beside_the_models(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "words"),
-    [
-        ("a*C/Izz", "a*Cx/Izz", "G row 2 column 1: 'a*Cx/Izz' uses 'Cx', which is no parameter"),
-        ('"bicycle-of-a-file"', '"bicycle"', "a model named 'bicycle' exists"),
-    ],
-)
-def test_mistakes_in_a_file_end_with_a_sentence(
-    old: str, new: str, words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    path = tmp_path / "mine.toml"
-    path.write_text(BICYCLE.read_text().replace(old, new))
-    assert identify(tmp_path / "out", "--structure", str(path)) == 2
-    assert words in capsys.readouterr().err
-
-
-@pytest.mark.parametrize(
     ("more", "words"),
     [
+        (["--structure", "mine.toml"], "G row 2 column 1: 'a*Cx/Izz' uses 'Cx', which is no parameter"),
+        (["--structure", "named.toml"], "a model named 'bicycle' exists"),
         (["--structure", "absent.toml"], "absent.toml cannot be read"),
         (["--condition-on", "wind"], "run1 has no 'wind' to condition on; it holds speed, throttle"),
         (["--condition-on", "r"], "r is the steering or follows it"),
     ],
 )
-def test_what_is_not_there_ends_with_a_sentence(
-    more: list[str], words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_mistakes_end_with_a_sentence(more, words, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    text = BICYCLE.read_text()
+    Path("mine.toml").write_text(text.replace("a*C/Izz", "a*Cx/Izz"))
+    Path("named.toml").write_text(text.replace('"bicycle-of-a-file"', '"bicycle"'))
     assert identify(tmp_path / "out", *more) == 2
     assert words in capsys.readouterr().err
 

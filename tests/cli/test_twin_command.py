@@ -118,25 +118,3 @@ def test_serve_without_the_firmware_says_how(run_program, tmp_path):
     done = run_program("twin", "serve", str(tmp_path), "--ardurover", str(tmp_path / "none"))
     assert done.code == 4
     assert "--physics serves the JSON interface alone" in done.err
-
-
-@pytest.mark.slow
-def test_diagnose_drives_a_simulator_and_compares(run_program, drawn, tmp_path, monkeypatch):
-    path, vehicle = drawn
-    model = baseline_model(rs.read(str(path), vehicle=vehicle))
-    found = Diagnosis("none", "no effect is missing", "roll-yaw", model=model)
-    monkeypatch.setattr(shown_results, "diagnosed", lambda *ignored: found)
-    variant = tmp_path / "mine.toml"
-    variant.write_text('base = "nominal"\nfriction = 1.5\nyaw_inertia = 0.09\nroll_stiffness = 14.5\n')
-    out = tmp_path / "report"
-    simulated = ("--simulator", "plant", "--variant", str(variant))
-    done = run_program(
-        "diagnose", str(path), "--vehicle", str(vehicle), *simulated, "--out", str(out), "--json"
-    )
-    assert done.code == 0, done.err
-    answer = json.loads(done.out)["comparison"]
-    assert answer["verdict"] == "differ"
-    assert [d["name"] for d in answer["differences"]] == ["k_phi"]
-    assert (out / "comparison.html").is_file()
-    assert (out / "simulated" / "sim1.BIN").is_file()
-    assert "SIMULATION AND RECORDINGS" in done.err

@@ -55,9 +55,7 @@ def test_a_run_waits_for_a_y_typed_after_the_question(keyboard: Callable[[str], 
 
 
 @pytest.mark.parametrize(("answer", "allowed"), [("yes\n", True), ("no\n", False)])
-def test_the_wheels_wait_for_a_yes_typed_after_the_question(
-    keyboard: Callable[[str], None], answer: str, allowed: bool
-) -> None:
+def test_the_wheels_wait_for_a_yes_typed_after_the_question(keyboard, answer, allowed):
     terminal = Terminal(lambda text: None)
     movement = steps((50.0,))
     keyboard("yes\n")

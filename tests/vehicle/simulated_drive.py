@@ -1,14 +1,18 @@
-"""Runs driven on a simulated rover with factory settings, as `dry-run` drives them."""
+"""Runs driven on a simulated rover, as `dry-run` drives them; options of one that is set up."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
 
+from firmware_params.param_files import read, shipped
 from rover_sweep.manoeuvre.sweep import Manoeuvre
 from rover_sweep.session.content import SessionRun
 from rover_sweep.session.simulated_rover import SimulatedRover, simulated_plan, simulated_session
 from rover_sweep.vehicle.events import Event
+
+PARAMETERS = tuple(f"--parameter={p.name}={p.value:g}" for p in read(shipped("identification")))
+READY = ("--applet", *PARAMETERS)  # options of a rover that has what an identification needs
 
 
 def drive_simulated(
