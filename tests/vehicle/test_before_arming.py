@@ -69,9 +69,7 @@ def rolling(vehicle: FakeVehicle) -> None:
     ],
     ids=lambda value: getattr(value, "__name__", None),
 )
-def test_a_rover_that_is_not_ready_is_not_armed(
-    link: Link, vehicle: FakeVehicle, tmp_path: Path, happen: Callable[[FakeVehicle], None], said: str
-) -> None:
+def test_a_rover_that_is_not_ready_is_not_armed(link, vehicle, tmp_path, happen, said):
     happen(vehicle)
     with pytest.raises(RoverSweepError, match=said):
         list(run(link, tmp_path))
@@ -85,9 +83,7 @@ def test_a_rover_that_is_not_ready_is_not_armed(
         (LinkQuality(seconds=10.0, frames=100, latency=1.5), "an answer takes 1.5 s"),
     ],
 )
-def test_a_poor_link_is_not_driven_over(
-    link: Link, vehicle: FakeVehicle, tmp_path: Path, quality: LinkQuality, said: str
-) -> None:
+def test_a_poor_link_is_not_driven_over(link, vehicle, tmp_path, quality, said):
     with (
         mock.patch.object(Link, "quality", quality),
         pytest.raises(RoverSweepError, match=f"is not driven over this link: {said}"),
@@ -96,9 +92,7 @@ def test_a_poor_link_is_not_driven_over(
     assert not vehicle.armed_ever
 
 
-def test_the_override_lapses_sooner_in_a_run_and_as_before_after_it(
-    link: Link, vehicle: FakeVehicle, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_override_lapses_sooner_in_a_run_and_as_before_after_it(link, vehicle, tmp_path, monkeypatch):
     monkeypatch.setattr("rover_sweep.vehicle.parameters._HURRIED", float("inf"))  # its clock is a fast one
     while_armed = [
         vehicle.parameters["RC_OVERRIDE_TIME"] for e in run(link, tmp_path) if isinstance(e, Armed)

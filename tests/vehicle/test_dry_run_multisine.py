@@ -15,8 +15,8 @@ from rover_sweep.spectra.harmonics import Harmonics, harmonics
 from rover_sweep.vehicle.events import LogSaved, RunFinished
 from tests.vehicle.simulated_drive import drive_simulated
 
-MULTISINE = Multisine(amplitude=250, w_min=0.6, w_max=16, t_rec=24, periods=3)
-BIAS_SWEEP = BiasSweep(amplitude=80, bias=120, w_min=2, w_max=16, t_rec=8)
+MULTISINE = Multisine(amplitude=250, w_min=0.6, w_max=16, t_rec=24, periods=2)
+BIAS_SWEEP = BiasSweep(amplitude=80, bias=120, w_min=2, w_max=16, t_rec=8, straight=1)
 ASYMMETRIC = "steering_asymmetry = { e = 0.15 }"
 CUBIC = "steering_nonlinearity = { c3 = -4.0 }"
 
@@ -26,7 +26,7 @@ def driven(folder: Path, effects: str, bias_sweep: BiasSweep | None = None) -> t
     variant = folder / "variant.toml"
     variant.write_text(f'base = "nominal"\n[effects]\n{effects}\n')
     runs = {"multisine1": MULTISINE, **({"bias-sweep1": bias_sweep} if bias_sweep else {})}
-    events = list(drive_simulated({**runs, "doublet": Doublet(count=1)}, folder, variant))
+    events = list(drive_simulated({**runs, "doublet": Doublet(count=1, straight=1)}, folder, variant))
     assert all(event.completed for event in events if isinstance(event, RunFinished))
     (saved,) = [event.path for event in events if isinstance(event, LogSaved)]
     return read_runs(str(saved))

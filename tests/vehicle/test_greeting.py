@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import pytest
 from greeted import heartbeat
 from pymavlink.dialects.v20 import ardupilotmega as m
 
-from rover_sweep.vehicle.link.greeting import SILENT, Greeting
+from rover_sweep.vehicle.link.greeting import SILENT, Greeting, why_overrides_ignored
 
 ROVER, BRIDGE, STRANGER = ("10.0.0.2", 14550), ("10.0.0.2", 14999), ("10.0.0.9", 5555)
 
@@ -111,8 +109,20 @@ def test_where_this_program_spoke_first_only_that_address_is_heard() -> None:
     assert greeting.peer == ROVER
 
 
-def test_the_greeting_opens_no_socket() -> None:
-    import rover_sweep.vehicle.link.greeting as module
-
-    text = Path(module.__file__).read_text()
-    assert "import socket" not in text and "import time" not in text
+@pytest.mark.parametrize(
+    ("have", "told"),
+    [
+        ({}, ""),
+        ({"SYSID_MYGCS": 255.0}, ""),
+        ({"MAV_GCS_SYSID": 255.0, "MAV_GCS_SYSID_HI": 0.0}, ""),
+        ({"MAV_GCS_SYSID": 250.0, "MAV_GCS_SYSID_HI": 255.0}, ""),
+        ({"SYSID_MYGCS": 250.0}, "SYSID_MYGCS is 250: "),
+        ({"MAV_GCS_SYSID": 245.0, "MAV_GCS_SYSID_HI": 0.0}, "MAV_GCS_SYSID is 245: "),
+        ({"MAV_GCS_SYSID": 1.0, "MAV_GCS_SYSID_HI": 254.0}, "MAV_GCS_SYSID is 1 and MAV_GCS_SYSID_HI 254: "),
+    ],
+)
+def test_ignored_overrides_are_named_with_the_parameter(have: dict[str, float], told: str) -> None:
+    """By the parameters of both generations of firmware."""
+    sentence = why_overrides_ignored(have)
+    assert sentence.startswith(told)
+    assert ("this one is 255" in sentence) == bool(told)

@@ -9,8 +9,7 @@ from fake_vehicle import FakeVehicle, wait_until
 from pymavlink.dialects.v20 import ardupilotmega as m
 
 from rover_sweep.errors import LinkError, UsageError
-from rover_sweep.vehicle.identity import check_applet, identify_vehicle, untested
-from rover_sweep.vehicle.link import statustext as watch
+from rover_sweep.vehicle.identity import check_applet, identify_vehicle
 from rover_sweep.vehicle.link.connection import Periodic
 from rover_sweep.vehicle.link.link import Link
 from rover_sweep.vehicle.link.transport import Address, parse_url
@@ -37,9 +36,11 @@ def test_urls(url: str, address: Address) -> None:
     assert parse_url(url) == address
 
 
-@pytest.mark.parametrize("url", ["rover", "tcp:host", "tcp:host:high", "/dev/ttyACM0,fast"])
+@pytest.mark.parametrize(
+    "url", ["rover", "tcp:host", "/dev/ttyACM0,fast", "udp:0.0.0.0:²", f"tcp:a:{'9' * 5000}"]
+)
 def test_a_wrong_url_is_a_usage_error(url: str) -> None:
-    with pytest.raises(UsageError, match="connection"):
+    with pytest.raises(UsageError, match="connection|is not a port or baud rate"):
         parse_url(url)
 
 
@@ -70,14 +71,6 @@ def test_periodic_runs_by_the_faster_clock_and_after_a_reboot() -> None:
     for vehicle, wall in [(0, 0), (0.5, 0.1), (1.1, 0.2), (1.2, 0.9), (1.3, 1.3), (0.0, 1.4)]:
         periodic.run_if_due(vehicle, wall)
     assert len(times) == 4
-
-
-def test_silence_is_told(link: Link, vehicle: FakeVehicle, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(watch, "SILENCE", 0.4)
-    vehicle.silent = True
-    with pytest.raises(LinkError, match="has been silent for .* check its power"):
-        while True:
-            link.receive(0.1)
 
 
 def test_messages_without_heartbeat_are_told(tmp_path: Path) -> None:
@@ -111,11 +104,6 @@ def test_reboot_and_reconnect(link: Link, vehicle: FakeVehicle, closes: bool) ->
     assert link.receive(1.0) is not None
 
 
-def test_who_it_is(link: Link) -> None:
-    vehicle = identify_vehicle(link)
-    assert (vehicle.firmware, vehicle.git_hash, untested(vehicle)) == ("ArduRover 4.6.3", "3fc7011a", "")
-
-
 @pytest.mark.parametrize(
     ("fake", "words"),
     [
@@ -140,9 +128,7 @@ def test_others_are_refused(fake: FakeVehicle, words: str, tmp_path: Path) -> No
         ({"SWP_GCS": None}, "another version \\(no SWP_GCS\\)"),
     ],
 )
-def test_applet_check(
-    change: dict[str, float | None], words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_applet_check(change, words, tmp_path, monkeypatch):
     monkeypatch.setattr("rover_sweep.vehicle.parameters._TIMEOUT", 0.1)
     fake = FakeVehicle()
     for name, value in change.items():

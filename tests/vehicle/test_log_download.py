@@ -16,9 +16,7 @@ from rover_sweep.vehicle.link.link import Link
 from rover_sweep.vehicle.logs import LogEntry, MavlinkLogs, chosen_logs, settled
 
 
-def test_byte_identical_although_blocks_are_lost(
-    link: Link, vehicle: FakeVehicle, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_byte_identical_although_blocks_are_lost(link, vehicle, tmp_path, monkeypatch):
     monkeypatch.setattr(download, "_QUIET", 0.2)
     chance = random.Random(3)
     vehicle.log = bytes(chance.randrange(256) for _ in range(100_003))
@@ -34,9 +32,7 @@ def test_byte_identical_although_blocks_are_lost(
 
 
 @pytest.mark.parametrize("lost", [0.0, 0.002])
-def test_a_large_log_is_asked_for_at_once(
-    link: Link, vehicle: FakeVehicle, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, lost: float
-) -> None:
+def test_a_large_log_is_asked_for_at_once(link, vehicle, tmp_path, monkeypatch, lost):
     """And called off where something is lost, asked for, and gone on with."""
     monkeypatch.setattr(download, "_QUIET", 0.2)
     monkeypatch.setattr(download, "_WINDOW", 200 * 90)
@@ -73,9 +69,7 @@ def test_a_log_that_still_grows_is_waited_for(link: Link) -> None:
     assert [e.size for e in settled(link, Growing())] == [2500]
 
 
-def test_a_log_that_stops_coming_is_told(
-    link: Link, vehicle: FakeVehicle, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_log_that_stops_coming_is_told(link, vehicle, tmp_path, monkeypatch):
     monkeypatch.setattr(download, "_QUIET", 0.02)
     vehicle.log = b"x" * 1000
     vehicle.drop = lambda message: message.get_type() == "LOG_DATA" and message.ofs >= 450

@@ -56,9 +56,7 @@ def test_what_differs_is_set_read_back_and_booted(link: Link, vehicle: FakeVehic
 
 
 @pytest.mark.parametrize("after", range(5))
-def test_interrupted_anywhere_it_goes_on(
-    link: Link, vehicle: FakeVehicle, tmp_path: Path, after: int
-) -> None:
+def test_interrupted_anywhere_it_goes_on(link, vehicle, tmp_path, after):
     begun = push(link, parameter_source(link, "mavlink"), differing(vehicle), lambda _: True, tmp_path)
     for _ in range(after):
         next(begun)
@@ -73,9 +71,7 @@ def test_interrupted_anywhere_it_goes_on(
     assert awaiting_reboot(link, tmp_path) == ()
 
 
-def test_the_reboot_is_asked_for_again_where_it_was_not_allowed(
-    link: Link, vehicle: FakeVehicle, tmp_path: Path
-) -> None:
+def test_the_reboot_is_asked_for_again_where_it_was_not_allowed(link, vehicle, tmp_path):
     events = pushed(link, vehicle, tmp_path, reboot=False)
     assert reboots(events) == [] and vehicle.parameters["STAT_BOOTCNT"] == 7
     assert Notice("warning", "SCHED_LOOP_RATE, SCR_ENABLE will take effect after a reboot") in events
@@ -90,9 +86,7 @@ def test_one_who_booted_by_hand_is_not_asked(link: Link, vehicle: FakeVehicle, t
     assert awaiting_reboot(link, tmp_path) == () and reboots(pushed(link, vehicle, tmp_path)) == []
 
 
-def test_what_the_rover_keeps_is_told_and_the_others_are_set(
-    link: Link, vehicle: FakeVehicle, tmp_path: Path
-) -> None:
+def test_what_the_rover_keeps_is_told_and_the_others_are_set(link, vehicle, tmp_path):
     vehicle.fixed = frozenset({"SCHED_LOOP_RATE", "INS_GYRO_FILTER"})
     events = pushed(link, vehicle, tmp_path)
     told = [event.text for event in events if isinstance(event, Notice)]

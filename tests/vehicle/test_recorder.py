@@ -124,13 +124,6 @@ def test_kill_9_leaves_a_readable_tlog(vehicle: FakeVehicle, tmp_path: Path) -> 
     assert "BAD_DATA" not in names
 
 
-def test_a_session_overwrites_no_recording(tmp_path: Path) -> None:
-    session = Session.open(tmp_path / "s")
-    first = session.tlog("sweep1")
-    first.write_bytes(b"x")
-    assert session.tlog("sweep1").name == "sweep1-2.tlog"
-
-
 class _PartFile:
     """A file that takes at most `most` bytes at a time, and `room` in all."""
 
@@ -176,20 +169,3 @@ def test_a_folder_that_cannot_be_made_is_told(tmp_path: Path) -> None:
     (tmp_path / "s" / "session.json").mkdir()
     with pytest.raises(UsageError, match="session.json cannot be written"):
         session.plan(())
-
-
-def test_a_link_goes_on_without_a_recording(
-    vehicle: FakeVehicle, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def full(*_: object) -> None:
-        raise OSError(errno.ENOSPC, "No space left on device")
-
-    with Link.open(vehicle.url, tmp_path / "a.tlog") as link:
-        monkeypatch.setattr("rover_sweep.vehicle.link.recorded_transport._write_all", full)
-        with pytest.raises(UsageError, match="No space left"):
-            for _ in range(200):
-                link.receive(1.0)
-        assert link.receive(1.0) is not None
-        with pytest.raises(UsageError):
-            link.record_to(tmp_path / "a.tlog" / "b.tlog")
-        assert link.receive(1.0) is not None and link.tlog == tmp_path / "a.tlog"

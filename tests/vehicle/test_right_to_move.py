@@ -164,9 +164,7 @@ def test_the_right_is_lost_for_good(rule: str, happen: Callable[[Run], None], sa
 
 
 @pytest.mark.parametrize(("rule", "happen", "said"), CASES)
-def test_without_the_rule_it_holds(
-    rule: str, happen: Callable[[Run], None], said: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_without_the_rule_it_holds(rule, happen, said, monkeypatch):
     rules = tuple(r for r in right_to_move.RULES if r.__name__ != rule)
     assert len(rules) == len(right_to_move.RULES) - 1
     monkeypatch.setattr(right_to_move, "RULES", rules)

@@ -85,9 +85,7 @@ def test_ctrl_c_stops_the_applet_where_the_switch_is_the_pilots(vehicle: FakeVeh
     assert not vehicle.of_kind("RC_CHANNELS_OVERRIDE") and vehicle.armed  # who armed disarms
 
 
-def test_what_could_not_be_let_go_is_told(
-    vehicle: FakeVehicle, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_could_not_be_let_go_is_told(vehicle, tmp_path, monkeypatch):
     command = vehicle._command
 
     def refusing(message: Any) -> int:
@@ -109,9 +107,7 @@ def test_what_could_not_be_let_go_is_told(
     assert finished == []
 
 
-def test_a_run_that_was_stopped_is_not_followed_by_another_that_arms(
-    vehicle: FakeVehicle, tmp_path: Path
-) -> None:
+def test_a_run_that_was_stopped_is_not_followed_by_another_that_arms(vehicle, tmp_path):
     vehicle.stop_text = "roll 31.0 > 30 deg"
     events = list(drive(vehicle.url, tmp_path, SessionPlan(TWO, DRIVE, logs=False)))
     finished = [e for e in events if isinstance(e, RunFinished)]

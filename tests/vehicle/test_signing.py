@@ -76,8 +76,9 @@ def test_a_forged_frame_does_not_shut_the_vehicle_out() -> None:
     assert station.decode(told(KEY, NOW)) is None  # the same again
 
 
-def test_with_its_key_a_vehicle_that_signs_is_as_any_other(tmp_path: Path) -> None:
-    line = SigningLine()
+@pytest.mark.parametrize("late", [0.0, 86_400.0])  # it takes the time from us
+def test_with_its_key_a_vehicle_that_signs_is_as_any_other(tmp_path: Path, late: float) -> None:
+    line = SigningLine(late=late)
     with (
         FakeVehicle() as vehicle,
         Link.open(vehicle.url, tmp_path / "a.tlog", line=line, access=RIGHT) as link,
@@ -86,15 +87,6 @@ def test_with_its_key_a_vehicle_that_signs_is_as_any_other(tmp_path: Path) -> No
         write_parameter(link, "SWP_AMP", 77.0)
         assert read_parameter(link, "SWP_AMP") == 77.0
     assert {"HEARTBEAT", "COMMAND_LONG", "PARAM_SET"} <= set(line.heard)
-
-
-def test_a_vehicle_that_is_late_takes_the_time_from_us(tmp_path: Path) -> None:
-    line = SigningLine(late=86_400.0)
-    with (
-        FakeVehicle() as vehicle,
-        Link.open(vehicle.url, tmp_path / "a.tlog", line=line, access=RIGHT) as link,
-    ):
-        assert identify_vehicle(link).version == (4, 6, 3)
 
 
 def test_without_a_key_it_is_said_that_the_vehicle_signs(tmp_path: Path) -> None:

@@ -9,7 +9,6 @@ from fake_vehicle import FakeVehicle
 from pymavlink.dialects.v20 import ardupilotmega as m
 
 from rover_sweep.errors import LinkError, UsageError
-from rover_sweep.manoeuvre.sweep import Doublet, Sweep, parameters_of
 from rover_sweep.vehicle import parameters as read_write
 from rover_sweep.vehicle.link.link import Link
 from rover_sweep.vehicle.parameters import (
@@ -41,9 +40,7 @@ def _lose(count: int) -> object:
     return drop
 
 
-def test_a_number_that_float32_cannot_hold_is_written_and_found_right(
-    link: Link, vehicle: FakeVehicle
-) -> None:
+def test_a_number_that_float32_cannot_hold_is_written_and_found_right(link, vehicle):
     written = write_parameter(link, "SWP_WMIN", 0.1)
     assert (written.old, written.value) == (pytest.approx(0.3), float32(0.1))
     assert written.value != 0.1
@@ -93,15 +90,6 @@ def test_what_is_not_there_and_what_stays_other_are_told(link: Link, vehicle: Fa
     vehicle.fixed = frozenset({"SWP_AMP"})
     with pytest.raises(LinkError, match="SWP_AMP was set to 99 but the vehicle has 150"):
         write_parameter(link, "SWP_AMP", 99)
-
-
-def test_a_manoeuvre_as_the_applets_parameters() -> None:
-    sweep = parameters_of(Sweep(amplitude=120, w_max=20), v_max=3.0)
-    assert (sweep["SWP_TYPE"], sweep["SWP_AMP"], sweep["SWP_WMAX"], sweep["SWP_V_MAX"]) == (0, 120, 20, 3)
-    doublet = parameters_of(Doublet(pulse=0.5))
-    assert (doublet["SWP_TYPE"], doublet["SWP_PULSE"], doublet["SWP_COUNT"]) == (1, 0.5, 2)
-    with pytest.raises(UsageError, match="SWP_AMP 900 us is outside"):
-        parameters_of(Sweep(amplitude=900))
 
 
 class FrankVehicle(FakeVehicle):
