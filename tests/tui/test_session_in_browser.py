@@ -94,9 +94,7 @@ def test_the_program_is_told_to_end_when_its_page_closes(tmp_path: Path, unused_
     with_server(OBEYS, mark, unused_port, closing)
 
 
-def test_one_that_does_not_quit_is_killed(
-    tmp_path: Path, unused_port: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_one_that_does_not_quit_is_killed(tmp_path, unused_port, monkeypatch):
     monkeypatch.setattr(session_server, "QUIT_WITHIN", 0.3)
     mark = tmp_path / "mark"
 
@@ -172,9 +170,7 @@ def test_no_address_for_everybody(capsys: pytest.CaptureFixture[str]) -> None:
     assert "is no single address; give the one of this computer" in capsys.readouterr().err
 
 
-def test_the_network_is_warned_of(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_network_is_warned_of(capsys, monkeypatch):
     monkeypatch.setattr(SessionServer, "serve", lambda server: None)
     served_session.serve("192.0.2.7", 8000)
     assert "reads the network of 192.0.2.7, can drive the rover" in capsys.readouterr().err

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scenes import SETUP, played, playing
+from scenes import SETUP, played
 from scripted_source import ROVER, SWEEP, connected, under_way
 from seen import text_of
 from test_tui_keys import DRIVEN, READY, drives, press
@@ -85,17 +85,14 @@ async def test_the_palette_finds_a_view_and_never_drives(app, source, pilot) -> 
     assert drives(source) == []
 
 
-def test_a_question_is_not_covered_by_the_palette() -> None:
-    async def run() -> None:
-        async with playing(("enter", connected()), (80, 24)) as (app, source, pilot):
-            app.push_screen(Question("Is the area clear?", "drive"))
-            await pilot.pause()
-            await press(pilot, "ctrl+p")
-            assert not isinstance(app.screen, CommandPalette)
-            assert not isinstance(app.screen, Question), "every key but Y is no"
-            assert drives(source) == []
-
-    asyncio.run(run())
+@played(("enter", connected()))
+async def test_a_question_is_not_covered_by_the_palette(app, source, pilot) -> None:
+    app.push_screen(Question("Is the area clear?", "drive"))
+    await pilot.pause()
+    await press(pilot, "ctrl+p")
+    assert not isinstance(app.screen, CommandPalette)
+    assert not isinstance(app.screen, Question), "every key but Y is no"
+    assert drives(source) == []
 
 
 # ---- Texts of a hostile vehicle and of hostile files on every view: nothing in them is obeyed.
@@ -122,28 +119,20 @@ def obeyed(text: str) -> set[str]:
     return {c for c in text if c != "\n" and unicodedata.category(c) in ("Cc", "Cf", "Zl", "Zp", "Cs")}
 
 
-@pytest.mark.parametrize("view", "1234567")
-def test_no_view_holds_a_control_character(view: str) -> None:
-    async def look() -> str:
-        setup = replace(SETUP, url=EVIL, folder=Path("a\x1b[2Jb"))
-        async with playing(
-            ("enter", connected(), [Ended(Preflight())], TOLD, view), (120, 40), setup
-        ) as shown:
-            return text_of(shown[0])
-
-    text = asyncio.run(look())
-    assert not obeyed(text), [line for line in text.splitlines() if obeyed(line)]
-    assert view != "6" or "[red]x[/red]" in text
-
-
-def test_a_question_holds_none_either() -> None:
-    async def ask() -> str:
-        async with playing(()) as (app, _, pilot):
-            app.push_screen(Question(EVIL, EVIL))
-            await pilot.pause()
-            return text_of(app)
-
-    text = asyncio.run(ask())
+@played(
+    ("enter", connected(), [Ended(Preflight())], TOLD),
+    replace(SETUP, url=EVIL, folder=Path("a\x1b[2Jb")),
+    (120, 40),
+)
+async def test_no_view_and_no_question_holds_a_control_character(app, source, pilot) -> None:
+    for view in "1234567":
+        await press(pilot, view)
+        text = text_of(app)
+        assert not obeyed(text), [line for line in text.splitlines() if obeyed(line)]
+        assert view != "6" or "[red]x[/red]" in text
+    app.push_screen(Question(EVIL, EVIL))
+    await pilot.pause()
+    text = text_of(app)
     assert not obeyed(text) and "\\x1b[2J" in text and "[red]" in text
 
 
@@ -161,12 +150,9 @@ def test_a_falling_line_falls_from_corner_to_corner() -> None:
     assert drawn[3][-1] != " " and drawn[0][-1] == " "
 
 
-def test_values_outside_and_without_a_number_leave_no_dot() -> None:
-    assert braille_lines([((1.0, 2.0), (5.0, 5.0))], (1.0, 2.0), (0.0, 1.0), 4, 2) == ["    ", "    "]
-    assert braille_lines([((1.0, 2.0), (float("nan"), 0.5))], (1.0, 2.0), (0.0, 1.0), 4, 2) == [
-        "    ",
-        "    ",
-    ]
+@pytest.mark.parametrize("values", [(5.0, 5.0), (float("nan"), 0.5)])
+def test_values_outside_and_without_a_number_leave_no_dot(values: tuple[float, float]) -> None:
+    assert braille_lines([((1.0, 2.0), values)], (1.0, 2.0), (0.0, 1.0), 4, 2) == ["    ", "    "]
 
 
 def test_the_axis_has_its_ends_and_decades() -> None:

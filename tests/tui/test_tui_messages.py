@@ -101,17 +101,6 @@ def test_the_recommended_model_comes_first_and_with_its_intervals(tmp_path: Path
     )
 
 
-def test_the_speed_is_summed_up_with_the_steering(tmp_path: Path) -> None:
-    law = {"gain_m_s": 4.985, "lag_s": 0.692, "delay_s": 0.003, "offset": 0.027}
-    ends = {"gain": [4.85, 5.12], "lag": [0.66, 0.72], "delay": [0.0, 0.01]}
-    document = {"speeds_m_s": [1.5, 2.3, 3.0], "level": "good", "reasons": [], "law": law, "intervals": ends}
-    (tmp_path / "speed.json").write_text(json.dumps(document))
-    first, second = summary_of("identify", tmp_path)
-    assert first == "speed 1.50 to 3.00 m/s, good"
-    assert second.startswith("gain 4.99 (4.85 to 5.12) m/s per full throttle, lag 0.692 (0.66 to 0.72) s")
-    assert summary_of("diagnose", tmp_path) == ()
-
-
 def test_what_takes_long_tells_since_when_and_what_it_does() -> None:
     asked = reduced(State(), (Connected("udp:1", ROVER), Asked(Preflight())))
     assert message(asked, LIGHT, 80).plain == " … running the checks"

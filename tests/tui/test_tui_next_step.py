@@ -38,10 +38,12 @@ def answering(monkeypatch: pytest.MonkeyPatch, document: object, outcome: str = 
     return started
 
 
-def test_the_run_is_added_with_its_reason_and_drives_only_after_its_own_yes(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_the_run_is_added_with_its_reason_and_drives_only_after_its_own_yes(monkeypatch):
     async def run() -> None:
+        async with playing(("3",), (110, 30), SETUP) as (app, source, pilot):
+            await pilot.press("n")
+            await pilot.pause()
+            assert "next step" not in text_of(app) and not started, "without a complete run"
         async with playing(DRIVEN, (110, 30), replace(SETUP, settings=OWN)) as (app, source, pilot):
             rows, drives = len(app.plan), len([r for r in source.asked if isinstance(r, DriveRequest)])
             chosen = app.chosen
@@ -73,9 +75,7 @@ def test_the_run_is_added_with_its_reason_and_drives_only_after_its_own_yes(
         ([1], "done", "no next step: "),
     ],
 )
-def test_a_settled_answer_and_a_failure_are_shown_and_add_nothing(
-    monkeypatch: pytest.MonkeyPatch, document: object, outcome: str, said: str
-) -> None:
+def test_a_settled_answer_and_a_failure_are_shown_and_add_nothing(monkeypatch, document, outcome, said):
     async def run() -> None:
         async with playing(DRIVEN, (110, 30), replace(SETUP, settings=OWN)) as (app, _, pilot):
             rows = len(app.plan)
@@ -85,15 +85,3 @@ def test_a_settled_answer_and_a_failure_are_shown_and_add_nothing(
 
     answering(monkeypatch, document, outcome)
     asyncio.run(run())
-
-
-def test_without_a_complete_run_the_key_does_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
-    async def run() -> None:
-        async with playing(("3",), (110, 30), SETUP) as (app, _, pilot):
-            await pilot.press("n")
-            await pilot.pause()
-            assert "next step" not in text_of(app)
-
-    started = answering(monkeypatch, CHOSEN)
-    asyncio.run(run())
-    assert not started

@@ -1,8 +1,12 @@
-"""A real recording through the application that `rover-sweep replay` shows: pause, seek, pace, verdict."""
+"""The application that `replay` shows of a real recording, and that of `session` in a real terminal."""
 
 from __future__ import annotations
 
 import asyncio
+import os
+import select
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -60,3 +64,20 @@ def test_a_recording_is_played_by_keys(monkeypatch: pytest.MonkeyPatch) -> None:
             await played(person)
 
     asyncio.run(session())
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="needs a pseudo-terminal")
+def test_a_session_in_a_terminal_ends_by_a_key(tmp_path: Path) -> None:
+    master, slave = os.openpty()
+    command = [sys.executable, "-m", "rover_sweep", "session", "--out", str(tmp_path / "session")]
+    environment = {**os.environ, "TERM": "xterm-256color", "XDG_STATE_HOME": str(tmp_path)}
+    with open(master, "r+b", buffering=0) as person, open(slave, "wb") as terminal:
+        program = subprocess.Popen(command, stdin=slave, stdout=slave, stderr=terminal, env=environment)
+        said = b""
+        while b"CONNECT" not in said:
+            said += person.read(65536)
+        person.write(b"q")
+        while program.poll() is None:
+            if select.select([person], [], [], 0.1)[0]:
+                person.read(65536)
+    assert program.returncode == 0
