@@ -8,7 +8,6 @@ from pathlib import Path
 from queue import Empty, SimpleQueue
 from typing import Any, TypeVar
 
-from firmware_params.param_files import read, shipped
 from rover_sweep.live.source import Connect, Ended, Request, Update
 from rover_sweep.live.vehicle_source import VehicleSource
 from rover_sweep.manoeuvre.sweep import Doublet, Sweep
@@ -23,8 +22,6 @@ PLAN = (
     SessionRun("sweep1", Sweep(amplitude=120, w_min=2, w_max=20, t_rec=10, straight=1)),
     SessionRun("doublet", Doublet(count=1, straight=1)),
 )
-# A rover that has what identification needs.
-READY = ("--applet", *(f"--parameter={p.name}={p.value:g}" for p in read(shipped("identification"))))
 
 
 class Asked:

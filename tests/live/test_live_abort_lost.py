@@ -16,8 +16,15 @@ from rover_sweep.live.vehicle_source import VehicleSource
 from rover_sweep.vehicle.events import Notice
 
 
+def lost(folder: Path) -> VehicleSource:
+    """It looks for its vehicle."""
+    source = VehicleSource(folder / "session")
+    source._url, source._lost = "tcp:127.0.0.1:1", True
+    return source
+
+
 def test_the_search_goes_on_after_an_abort(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    source = VehicleSource(tmp_path / "session")
+    source = lost(tmp_path)
     tried, again = list[str](), threading.Event()
 
     def opened(url: str, *rest: object) -> None:
@@ -29,7 +36,6 @@ def test_the_search_goes_on_after_an_abort(tmp_path: Path, monkeypatch: pytest.M
         raise LinkError("nobody answers")
 
     monkeypatch.setattr(vehicle_source.Link, "open", opened)
-    source._url, source._lost = "tcp:127.0.0.1:1", True
     source.start(lambda told: None)
     try:
         assert again.wait(5.0), "nobody looks for the vehicle any more"
@@ -54,10 +60,8 @@ class Found:
         """Nothing to close."""
 
 
-def test_an_abort_while_the_found_one_is_greeted_stops_it_and_greets_it_again(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    source = VehicleSource(tmp_path / "session")
+def test_an_abort_while_the_found_one_is_greeted_stops_it_and_greets_it_again(tmp_path, monkeypatch):
+    source = lost(tmp_path)
     links, done, greeted = list[object](), list[tuple[str, object]](), threading.Event()
     refused = list[str]()
 
@@ -81,7 +85,6 @@ def test_an_abort_while_the_found_one_is_greeted_stops_it_and_greets_it_again(
     monkeypatch.setattr(vehicle_source.Link, "open", opened)
     monkeypatch.setattr(vehicle_source.VehicleWork, "greet", greet)
     monkeypatch.setattr(vehicle_source, "stop_and_disarm", stop_and_disarm)
-    source._url, source._lost = "tcp:127.0.0.1:1", True
     source.start(lambda told: refused.append(told.failure) if isinstance(told, Ended) else None)
     try:
         assert greeted.wait(5.0), "the vehicle was found and never greeted"
@@ -91,17 +94,14 @@ def test_an_abort_while_the_found_one_is_greeted_stops_it_and_greets_it_again(
         source.close()
 
 
-def test_a_full_disk_ends_the_search_and_is_told_once(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    source = VehicleSource(tmp_path / "session")
+def test_a_full_disk_ends_the_search_and_is_told_once(tmp_path, monkeypatch):
+    source = lost(tmp_path)
     warned = list[str]()
 
     def opened(*rest: object) -> None:
         raise UsageError("the disk is full")
 
     monkeypatch.setattr(vehicle_source.Link, "open", opened)
-    source._url, source._lost = "tcp:127.0.0.1:1", True
     source.start(lambda told: warned.append(told.text) if isinstance(told, Notice) else None)
     try:
         time.sleep(0.5)  # ten turns

@@ -13,8 +13,7 @@ import sys
 import time
 from pathlib import Path
 
-import pytest
-from asked_source import PLAN, READY
+from asked_source import PLAN
 from counted_proxy import CountedProxy
 
 from rover_sweep.cli.main import run as rover_sweep
@@ -23,6 +22,7 @@ from rover_sweep.session.session import session_runs
 from rover_sweep.vehicle.link.mavlink import Framer
 from sitl import launcher
 from sitl.ground.unread import PeerQueue
+from tests.vehicle.simulated_drive import READY
 
 _STATION = """
 import sys, pathlib
@@ -69,12 +69,10 @@ def unread(proxy: CountedProxy) -> int:
     return count
 
 
-def test_killed_while_driving_nothing_received_is_lost(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_killed_while_driving_nothing_received_is_lost(tmp_path, monkeypatch, capsys):
     folder = tmp_path / "session"
     with (
-        launcher.start_embedded(tmp_path / "vehicle", options=READY, speedup=16) as rover,
+        launcher.start_embedded(tmp_path / "vehicle", options=READY, speedup=8) as rover,
         CountedProxy(rover.connection) as proxy,
     ):
         killed = station(proxy.url, folder)

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import json
 import shutil
-from collections.abc import Iterator
 from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
-from asked_source import PLAN, READY, SETTINGS, Asked
+from asked_source import PLAN, SETTINGS, Asked
 
 from rover_sweep.api.read import Reading, divided, load_steered
 from rover_sweep.cli.main import run as rover_sweep
@@ -25,10 +24,11 @@ from rover_sweep.session.folder import Session, read_folder
 from rover_sweep.session.session import session_runs
 from rover_sweep.vehicle.events import Connected, LogSaved, Rebooting, RunFinished
 from sitl import launcher
+from tests.vehicle.simulated_drive import READY
 
 
 @pytest.fixture(scope="module")
-def session(tmp_path_factory: pytest.TempPathFactory) -> Iterator[SimpleNamespace]:
+def session(tmp_path_factory: pytest.TempPathFactory) -> SimpleNamespace:
     home = tmp_path_factory.mktemp("live")
     rover_file = Path(__file__).parents[1] / "data" / "rover.toml"
     with (
@@ -42,7 +42,7 @@ def session(tmp_path_factory: pytest.TempPathFactory) -> Iterator[SimpleNamespac
         failures += [asked.do(FetchLogs())]
         asked.wait(Snapshot)
         refused = asked.do(DriveRequest(SessionRun("large", Sweep(amplitude=300)), SETTINGS))
-        yield SimpleNamespace(folder=home / "session", asked=asked, failures=failures, refused=refused)
+    return SimpleNamespace(folder=home / "session", asked=asked, failures=failures, refused=refused)
 
 
 def test_everything_asked_was_done(session: SimpleNamespace) -> None:
@@ -61,7 +61,7 @@ def test_everything_asked_was_done(session: SimpleNamespace) -> None:
 def test_a_refusal_names_the_keys_that_help(session: SimpleNamespace, tmp_path: Path) -> None:
     assert "allows 250 us" in session.refused
     assert session.refused.endswith(": press 3, then E to change the run")
-    vehicle = launcher.start_embedded(tmp_path / "vehicle", speedup=25)
+    vehicle = launcher.start_embedded(tmp_path / "vehicle", speedup=4)
     with vehicle as rover, Asked(tmp_path / "session") as asked:
         asked.connect(rover.connection)
         refused = asked.do(DriveRequest(PLAN[0], SETTINGS))
@@ -103,19 +103,14 @@ def _identified(folder: str) -> tuple[str, list[float]]:
     return " ".join(run.name for run in (*sweeps, *doublets)), numbers
 
 
-def test_carried_elsewhere_it_is_identified_the_same(
-    session: SimpleNamespace, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_carried_elsewhere_it_is_identified_the_same(session, tmp_path, monkeypatch, capsys):
     names, numbers = _identified(str(session.folder))
     assert names == "sweep1 doublet" and len(numbers) > 2
+    assert rover_sweep(["coherence", str(session.folder), "--json"]) == 0
+    assert [said["run"] for said in json.loads(capsys.readouterr().out)] == ["sweep1", "doublet"]
     shutil.copytree(session.folder, tmp_path / "elsewhere" / "car park")
     monkeypatch.chdir(tmp_path / "elsewhere")
     assert _identified("car park") == (names, numbers)
-
-
-def test_commands_take_the_folder(session: SimpleNamespace, capsys: pytest.CaptureFixture[str]) -> None:
-    assert rover_sweep(["coherence", str(session.folder), "--json"]) == 0
-    assert [said["run"] for said in json.loads(capsys.readouterr().out)] == ["sweep1", "doublet"]
 
 
 def test_without_logs_the_tlogs_are_read(session: SimpleNamespace, tmp_path: Path) -> None:

@@ -17,7 +17,6 @@ from rover_sweep.spectra.amplitude import (
     AmplitudeProposal,
     Limit,
     averages,
-    octaves,
     propose_amplitude,
     signal_to_noise,
 )
@@ -106,50 +105,24 @@ def test_where_nothing_answers_the_proposal_is_a_lower_bound() -> None:
     assert proposal.sentence.startswith("at least ")
 
 
-# ---- driven -----------------------------------------------------------------------------------------
+@pytest.mark.slow
+def test_driven_with_what_was_proposed_the_coherence_is_what_was_forecast(tmp_path: Path) -> None:
+    def proposal_after(amplitude: float) -> tuple[Recording, AmplitudeProposal]:
+        folder = tmp_path / f"{amplitude:g}"
+        list(drive_simulated({"sweep1": Sweep(amplitude=amplitude)}, folder, seed=7))
+        (run,) = read_runs(str(folder / "sweep1.tlog"))
+        return run, assess(run).next
 
-
-def sweep_driven(amplitude: float, folder: Path) -> tuple[Recording, AmplitudeProposal]:
-    list(drive_simulated({"sweep1": Sweep(amplitude=amplitude)}, folder, seed=7))
-    (run,) = read_runs(str(folder / "sweep1.tlog"))
-    return run, assess(run).next
-
-
-@pytest.fixture(scope="module", params=[pytest.param(60.0, marks=pytest.mark.slow)])
-def weak(
-    request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
-) -> tuple[Recording, AmplitudeProposal]:
-    return sweep_driven(request.param, tmp_path_factory.mktemp("weak") / "session")
-
-
-@pytest.fixture(scope="module")
-def repeated(
-    weak: tuple[Recording, AmplitudeProposal], tmp_path_factory: pytest.TempPathFactory
-) -> tuple[Recording, AmplitudeProposal]:
-    assert weak[1].amplitude is not None
-    return sweep_driven(round(weak[1].amplitude), tmp_path_factory.mktemp("repeated") / "session")
-
-
-def test_driven_with_what_was_proposed_the_coherence_is_what_was_forecast(
-    weak: tuple[Recording, AmplitudeProposal], repeated: tuple[Recording, AmplitudeProposal]
-) -> None:
-    forecast, run = weak[1], repeated[0]
+    forecast = proposal_after(60.0)[1]
     assert forecast.amplitude is not None and 70.0 < forecast.amplitude < 120.0
+    run, again = proposal_after(round(forecast.amplitude))
+    assert again.amplitude is None or again.amplitude < 1.25 * again.driven, "it asks for no more"
     found = judged_responses(responses([run], input="pwm"))
     for band in forecast.bands:
         f = found[band.response]
         inside = (f.w >= band.low) & (f.w <= band.high)
         gain = (forecast.amplitude / forecast.driven) ** 2
-        assert float(np.median(f.coherence[inside])) == pytest.approx(
-            1 / (1 + band.noise_to_signal / gain), abs=0.08
-        )
-    for f in found.values():
-        for low, high in zip(octaves(0.3, 24.0)[:-1], octaves(0.3, 24.0)[1:], strict=True):
-            inside = (f.w >= low) & (f.w <= high)
-            assert np.median(f.coherence[inside]) > WANTED_COHERENCE - 0.08
-            assert np.median(f.random_error[inside]) < 0.12
-
-
-def test_the_repeated_run_asks_for_no_more(repeated: tuple[Recording, AmplitudeProposal]) -> None:
-    proposal = repeated[1]
-    assert proposal.amplitude is None or proposal.amplitude < 1.25 * proposal.driven
+        expected = 1 / (1 + band.noise_to_signal / gain)
+        assert float(np.median(f.coherence[inside])) == pytest.approx(expected, abs=0.08)
+        assert np.median(f.coherence[inside]) > WANTED_COHERENCE - 0.08
+        assert np.median(f.random_error[inside]) < 0.12

@@ -15,10 +15,7 @@ from rover_sweep.logs.read import read_logs
 
 RECORDINGS = (
     "ardurover-4.6.3/applet/run1.tlog",
-    "ardurover-4.6.3/applet/run1.BIN",
-    "ardurover-4.6.3/nominal/run1.tlog",
     "ardurover-4.6.3/nominal/run1.BIN",
-    "ardurover-4.6.3/stock/run2.tlog",
     "ardurover-4.5.7/nominal/run1.tlog",
 )
 # Largest differences of a message that is shown as it came from the channel of the logs, which comes from
@@ -52,7 +49,7 @@ def test_snapshots_agree_with_the_logs(track: Track, path: Path) -> None:
     channels = {**log.signals, "pwm": log.steering[0]}
     seen: dict[str, list[float]] = {name: [] for name in TOLERANCE}
     track.seek(0.0)
-    for at in np.arange(2.0, track.length - 2.0, 0.37):
+    for at in np.arange(2.0, track.length - 2.0, 0.91):
         list(track.play(at))
         now = track.snapshot()
         for name, errors in seen.items():
@@ -80,14 +77,13 @@ def test_the_same_happens_in_small_steps_and_in_one(track: Track) -> None:
     track.seek(0.0)
     whole = list(track.play(track.length))
     track.seek(0.0)
-    pieces = [e for at in np.linspace(0.0, track.length, 97) for e in track.play(float(at))]
+    pieces = [e for at in np.linspace(0.0, track.length, 29) for e in track.play(float(at))]
     assert pieces == whole and len(whole) > 300
 
 
-@pytest.mark.parametrize("kind", ["tlog", "BIN"])
-def test_a_restart_of_the_vehicle_takes_no_time(data: Path, tmp_path: Path, kind: str) -> None:
-    parts = [data / f"ardurover-4.6.3/{folder}/run1.{kind}" for folder in ("applet", "nominal")]
-    both = tmp_path / f"both.{kind}"
+def test_a_restart_of_the_vehicle_takes_no_time(data: Path, tmp_path: Path) -> None:
+    parts = [data / f"ardurover-4.6.3/{folder}/run1.tlog" for folder in ("applet", "nominal")]
+    both = tmp_path / "both.tlog"
     both.write_bytes(b"".join(part.read_bytes() for part in parts))
     first, second, joined = (open_track(part) for part in (*parts, both))
     assert joined.length == pytest.approx(first.length + second.length, abs=0.1)

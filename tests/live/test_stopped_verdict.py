@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from asked_source import READY, SETTINGS, Asked
+from asked_source import SETTINGS, Asked
 
 from rover_sweep.live.source import DriveRequest, Judged
 from rover_sweep.live.verdict import stopped_verdict
@@ -15,6 +15,7 @@ from rover_sweep.session.folder import read_folder
 from rover_sweep.session.session import SessionRun
 from rover_sweep.tui.model.setup import records
 from sitl import launcher
+from tests.vehicle.simulated_drive import READY
 
 PLANNED = SessionRun("sweep1", Sweep(), 2.0)
 TLOG = Path("sweep1.tlog")
@@ -24,9 +25,7 @@ TLOG = Path("sweep1.tlog")
 @pytest.mark.parametrize(
     ("throttle", "neutral", "lower"), [(1600, 1500, 1550), (1300, 1500, 1400), (1400, 1100, 1250)]
 )
-def test_a_throttle_that_is_too_high_is_lowered_towards_neutral(
-    reason: str, throttle: int, neutral: int, lower: int
-) -> None:
+def test_a_throttle_that_is_too_high_is_lowered_towards_neutral(reason, throttle, neutral, lower):
     verdict = stopped_verdict(PLANNED, reason, TLOG, throttle, neutral)
     assert (
         verdict.advice == "repeat"

@@ -11,7 +11,6 @@ import pytest
 
 from rover_sweep.data import vehicle_file
 from rover_sweep.data.recording import Recording, Signal
-from rover_sweep.live.source import Verdict
 from rover_sweep.live.verdict import judge, verdict_on_run
 from rover_sweep.logs.log import Log
 from rover_sweep.logs.read import read_logs, read_runs
@@ -127,15 +126,3 @@ def test_what_cannot_be_judged_is_said_in_a_sentence(data: Path, tmp_path: Path)
     still = (data / SWEEP).read_bytes()[:60_000]  # up to before it drives
     (tmp_path / "still.tlog").write_bytes(still)
     assert "never drove" in judge(tmp_path / "still.tlog", WHOLE, "sweep1").sentence
-
-
-@pytest.mark.parametrize(
-    "name", [SWEEP, "ardurover-4.6.3/nominal/run1.tlog", "ardurover-4.6.3/nominal/run1.BIN"]
-)
-def test_a_whole_recording_is_judged(data: Path, name: str) -> None:
-    assert judge(data / name, (0.0, 1e9), "run").advice == "keep"
-
-
-def test_a_verdict_is_a_plain_value(run: Recording) -> None:
-    assert isinstance(hash(verdict_on_run(run)), int)
-    assert verdict_on_run(run) == verdict_on_run(run) != Verdict("run1", "keep", "")
