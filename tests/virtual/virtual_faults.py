@@ -105,12 +105,7 @@ def disk_full(seconds: float = EVER) -> Fault:
 def power_lost(seconds: float) -> Fault:
     """The autopilot restarts, armed or not: silent, on again after so long, its clock at 0."""
 
-    def begin(world: World) -> None:
-        world.vehicle.power_off(seconds)
-        if not world.radio:
-            world.cut()
-
-    return Fault(f"power lost {seconds:g} s", begin)
+    return Fault(f"power lost {seconds:g} s", lambda world: world.vehicle.power_off(seconds))
 
 
 def script_stopped() -> Fault:
@@ -167,11 +162,7 @@ def disarmed() -> Fault:
 
 def held() -> Fault:
     """The pilot takes HOLD."""
-
-    def begin(world: World) -> None:
-        _rover(world).set_mode(HOLD, RC_COMMAND)
-
-    return Fault("hold", begin)
+    return Fault("hold", lambda world: _rover(world).set_mode(HOLD, RC_COMMAND))
 
 
 def foreign_bytes(seconds: float = EVER) -> Fault:

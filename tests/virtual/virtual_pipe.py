@@ -78,11 +78,9 @@ class Pipe:
             arrived.append(heapq.heappop(self._under_way)[2])
         return arrived
 
-    def waiting(self, now_us: int) -> bool:
-        """Whether `take` would give something."""
-        return bool(self._kept and not self.weather.stall) or bool(
-            self._under_way and self._under_way[0][0] <= now_us
-        )
+    @property
+    def empty(self) -> bool:
+        return not (self._kept or self._under_way)
 
     def clear(self) -> None:
         """Everything under way is lost."""

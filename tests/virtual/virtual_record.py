@@ -20,10 +20,9 @@ _STOPPED = re.compile(r"^SWP: run (\d+) stopped: (.*)")
 
 
 class Row(NamedTuple):
-    """One main loop. throttle, steering: PWM outputs [us]; throttle_in, switch_in: override in force [us], 0
-    for none; state, run: the applet's; heard, state_heard: when the laptop last read a whole message of the
-    vehicle and last its SWP_ST, sent: when anything last left the laptop, `-inf` for never; reachable:
-    whether what the laptop sends now would come through, and it is awake and alive to send it."""
+    """One main loop. throttle: PWM output [us]; state, run: the applet's; heard: when the laptop last read a
+    whole message of the vehicle, `-inf` for never; reachable: whether what the laptop sends now would come
+    through, and it is awake and alive to send it."""
 
     t: float
     boot: int
@@ -31,16 +30,10 @@ class Row(NamedTuple):
     x: float
     y: float
     throttle: int
-    steering: int
-    throttle_in: int
-    switch_in: int
     armed: bool
-    mode: int
     state: int
     run: int
     heard: float
-    state_heard: float
-    sent: float
     reachable: bool
 
     @property
@@ -50,15 +43,14 @@ class Row(NamedTuple):
 
 
 class Sent(NamedTuple):
-    """An override that left the laptop [us; 0xFFFF: channel left alone]. heard, state_heard, made: how long
-    ago [s] the laptop had read anything, had read SWP_ST, and the newest that it had read was made."""
+    """An override that left the laptop [us; 0xFFFF: channel left alone]. heard, state_heard: how long ago [s]
+    the laptop had read anything, and SWP_ST."""
 
     t: float
     throttle: int
     switch: int
     heard: float
     state_heard: float
-    made: float
 
     @property
     def driving(self) -> bool:
@@ -69,21 +61,12 @@ class Sent(NamedTuple):
         return 1800 < self.switch < 0xFFFE
 
 
-class Command(NamedTuple):
-    """A COMMAND_LONG that left the laptop."""
-
-    t: float
-    number: int
-    first: float
-
-
 @dataclass
 class Record:
     """See above. begun: (t, run) of each run that the applet began."""
 
     rows: list[Row] = field(default_factory=list)
     sent: list[Sent] = field(default_factory=list)
-    commands: list[Command] = field(default_factory=list)
     texts: list[tuple[float, str]] = field(default_factory=list)
     begun: list[tuple[float, int]] = field(default_factory=list)
 
@@ -97,12 +80,11 @@ class Record:
         """Why the applet stopped a run, by run."""
         return {int(m[1]): m[2] for _, text in self.texts if (m := _STOPPED.match(text))}
 
-    def metres(self, since: float = 0.0, until: float = float("inf"), driving: bool = True) -> float:
-        """Way [m] in that time; driving: only with throttle above trim."""
+    @property
+    def metres(self) -> float:
+        """Way [m] with throttle above trim."""
         return sum(
-            hypot(b.x - a.x, b.y - a.y)
-            for a, b in pairwise(self.rows)
-            if since <= a.t < until and a.boot == b.boot and (a.driving or not driving)
+            hypot(b.x - a.x, b.y - a.y) for a, b in pairwise(self.rows) if a.boot == b.boot and a.driving
         )
 
     def seconds(self, since: float = 0.0, until: float = float("inf")) -> float:

@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-from sitl.autopilot.log_records import LogRecords
 from sitl.autopilot.rover import Rover
 from sitl.autopilot.vehicle_parameters import Parameter, ParameterStore
 from sitl.embedded import PARAMETER_FILE, REBOOT_AFTER_US, prepare
@@ -43,15 +42,12 @@ class VirtualRover:
     status text and each state that the applet enters.
     """
 
-    def __init__(
-        self, directory: Path, settings: dict[str, float], variant: str, seed: int, told: Told
-    ) -> None:
-        self.directory, self._plant, self._seed, self._told = directory, load_variant(variant), seed, told
+    def __init__(self, directory: Path, settings: dict[str, float], seed: int, told: Told) -> None:
+        self.directory, self._seed, self._told = directory, seed, told
         self.rover: Rover | None = None
         self.boots = self.state = self.run = 0
         self.on_text: Callable[[str], None] = lambda text: None
         self.on_state: Callable[[int], None] = lambda state: None
-        self._logged = settings.get("LOG_BITMASK", 0.0) != 0
         self._on_in_us = self._off_us = 0
         self._reboot_at_us: int | None = None
         prepare(directory, applet=True, settings=list(settings.items()))
@@ -65,8 +61,6 @@ class VirtualRover:
                 self._boot()
             return
         self.rover.step()
-        if self._records is not None:
-            self._records.loop()
         for data in received:
             self.link.receive(data)
         if listened_to:
@@ -94,11 +88,10 @@ class VirtualRover:
     def _boot(self) -> None:
         parameters = ParameterStore(self.directory / PARAMETER_FILE)
         parameters.set("STAT_BOOTCNT", parameters["STAT_BOOTCNT"] + 1)
-        self.rover = rover = Rover(self.directory, self._plant, self._seed, parameters, PLANT_HZ)
+        self.rover = rover = Rover(self.directory, load_variant("nominal"), self._seed, parameters, PLANT_HZ)
         assert rover.loop_period_us == LOOP_US, "SCHED_LOOP_RATE must be 50 here"
         self.boots += 1
         self._boot_s, self._reboot_at_us = 3.0, None
-        self._records = LogRecords(rover) if self._logged else None
         self._logs, self._files, self._peer = (
             LogTransfer(rover),
             FileTransfer(self.directory),

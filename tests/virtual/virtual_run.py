@@ -3,15 +3,14 @@
     outcome = played(tmp_path, [(At("sweep", 1.0), hole(3.6))])
     assert outcome.record.begun ... outcome.error ... outcome.said
 
-`played` drives `vehicle.run.run` once, with the right to arm, to throw the switch and (throttle_us) to drive;
-`session_played` drives `vehicle.session.drive`. Afterwards the faults under way go on for 30 s, then they are
-lifted ("link back") for another 10 s.
+`played` drives `vehicle.run.one_run` once, with the right to arm, to throw the switch and (throttle_us) to
+drive; `session_played` drives `session.drive`. Afterwards the faults under way go on, then they are lifted.
 """
 
 from __future__ import annotations
 
 import errno
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -96,7 +95,7 @@ class Outcome:
         return max(0, len(self.record.begun) - self.asked)
 
     def sent_late(self, of: Callable[..., float] = lambda sent: sent.heard) -> float:
-        """Longest time [s] since the vehicle was heard (or: sent.state_heard, sent.made) at which the tool
+        """Longest time [s] since the vehicle was heard (or: sent.state_heard) at which the tool
         still sent a throttle above trim; 0 where it sent none."""
         return max((of(sent) for sent in self.record.sent if sent.driving), default=0.0)
 
@@ -130,16 +129,14 @@ def played(
     settings: RunSettings = SETTINGS,
     manoeuvre: Manoeuvre = SWEEP,
     limit: float = 90.0,
-    vehicle: Mapping[str, float] | None = None,
-    radio: bool = True,
     seed: int = 1,
     after: float = AFTER,
     back: float = BACK,
     access: Access | None = None,
 ) -> Outcome:
-    """One run. limit: s of the world until `Overran`. vehicle: parameters before its first boot. radio: see
-    `World`. after, back: how long the world goes on with the faults and without them."""
-    world = World(folder / "vehicle", vehicle or {}, seed=seed, limit=limit, radio=radio)
+    """One run. limit: s of the world until `Overran`. after, back: how long the world goes on with the faults
+    and without them, unless the rover has come to rest."""
+    world = World(folder / "vehicle", seed=seed, limit=limit)
     for at, fault in happenings:
         world.happen(at, fault)
     world.run(BOOT)
@@ -160,25 +157,17 @@ def session_played(
     happenings: Sequence[Happening] = (),
     *,
     runs: int = 1,
-    settings: RunSettings = SETTINGS,
-    manoeuvre: Manoeuvre = SWEEP,
-    limit: float = 200.0,
-    vehicle: Mapping[str, float] | None = None,
-    radio: bool = True,
-    seed: int = 1,
-    logs: bool = False,
     after: float = AFTER,
     back: float = BACK,
 ) -> Outcome:
     """A whole session of so many runs into folder/session, from the rover's boot on; a yes for each run."""
-    world = World(folder / "vehicle", vehicle or {}, seed=seed, limit=limit, radio=radio)
+    world = World(folder / "vehicle", limit=200.0)
     for at, fault in happenings:
         world.happen(at, fault)
     world.enter("connecting")
-    planned = tuple(SessionRun(f"sweep{n}", manoeuvre) for n in range(1, runs + 1))
-    program = drive(
-        "virtual:", folder / "session", SessionPlan(planned, settings, logs=logs), VirtualLine(world)
-    )
+    planned = tuple(SessionRun(f"sweep{n}", SWEEP) for n in range(1, runs + 1))
+    plan = SessionPlan(planned, SETTINGS, logs=False)
+    program = drive("virtual:", folder / "session", plan, VirtualLine(world))
     return _outcome(world, program, asked=runs, after=after, back=back)
 
 
@@ -194,9 +183,9 @@ def _outcome(world: World, program: Iterator[Event], asked: int, after: float, b
             error = raised
     fired, ended = world.begun, world.now
     world.laptop.death = world.laptop.death or Killed()
-    world.run(after)
+    world.settle(after)
     world.lift()
-    world.run(back)
+    world.settle(back)
     return Outcome(world, tuple(events), error, asked, ended, fired)
 
 

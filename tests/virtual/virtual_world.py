@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Literal, get_args
 
 from virtual_pipe import Frame, Pipe
-from virtual_record import Command, Record, Row, Sent
+from virtual_record import Record, Row, Sent
 from virtual_rover import LOOP_US, PARAMETERS, VirtualRover
 
 Phase = Literal[
@@ -43,9 +43,10 @@ _OF_STATE: Mapping[int, Phase] = {
     8: "after",
     9: "standing after",
 }
-_STEERING, _THROTTLE, _SWITCH = 0, 2, 5  # RC channels, 0-based
+_THROTTLE, _SWITCH = 2, 5  # RC channels, 0-based
 _REACHES = 0.3  # s within which what the laptop sends must come through to count as reaching the vehicle
-_OVERRIDE, _COMMAND, _NAMED_FLOAT = 70, 76, 251  # message numbers
+_SETTLED = 50  # main loops that a disarmed rover stands without a frame on its way to it
+_OVERRIDE, _NAMED_FLOAT = 70, 251  # message numbers
 WALL_0, SINCE_BOOT_0, MONOTONIC_0 = 1_700_000_000.0, 5000.0, 1000.0
 
 
@@ -82,8 +83,7 @@ class Fault:
 class Laptop:
     """What the harness knows of the computer. death: raised in the program at its next receive or send.
 
-    heard, state_heard, made, sent: world's time [s] at which it last read a whole frame of the vehicle,
-    last read SWP_ST, at which the newest that it has read was made, at which anything last left it.
+    heard, state_heard: world's time [s] at which it last read a whole frame of the vehicle, and SWP_ST.
     """
 
     slept_us: int = 0
@@ -95,8 +95,6 @@ class Laptop:
     disk_full: bool = False
     heard: float = float("-inf")
     state_heard: float = float("-inf")
-    made: float = float("-inf")
-    sent: float = float("-inf")
 
 
 @dataclass
@@ -110,14 +108,12 @@ class _Planned:
 class World:
     """See above. settings: parameters of the vehicle before its first boot; limit: s until `Overran`.
 
-    radio: the connection outlives a reboot of the vehicle; else it is closed, as USB or TCP."""
+    The connection outlives a reboot of the vehicle, as by radio."""
 
     folder: Path
     settings: Mapping[str, float] = field(default_factory=dict)
-    variant: str = "nominal"
     seed: int = 1
     limit: float = 120.0
-    radio: bool = True
 
     def __post_init__(self) -> None:
         self.now_us = 0
@@ -128,7 +124,7 @@ class World:
         self.each_step: list[Change] = []
         self._plan: list[_Planned] = []
         settings = PARAMETERS | dict(self.settings)
-        self.vehicle = VirtualRover(self.folder, settings, self.variant, self.seed, self._from_vehicle)
+        self.vehicle = VirtualRover(self.folder, settings, self.seed, self._from_vehicle)
         self.vehicle.on_text = lambda text: self.record.texts.append((self.now, text))
         self.vehicle.on_state = self._state
 
@@ -169,6 +165,15 @@ class World:
         while self.now_us < until_us:
             self.step()
 
+    def settle(self, seconds: float) -> None:
+        """As `run`, after the laptop's program has ended: until nothing is left that could move the rover."""
+        until_us, still = self.now_us + round(seconds * 1e6), 0
+        while self.now_us < until_us and still < _SETTLED:
+            self.step()
+            rover = self.vehicle.rover
+            asleep = rover is not None and not rover.armed and not self.each_step and self.up.empty
+            still = still + 1 if asleep else 0
+
     # ---- the laptop's end of the link
 
     def connect(self) -> None:
@@ -191,14 +196,8 @@ class World:
 
     def send(self, data: bytes) -> None:
         """What the laptop sends now."""
-        self.laptop.sent = self.now
-        number = int.from_bytes(data[7:10], "little")
-        payload = data[10 : 10 + data[1]].ljust(64, b"\0")
-        if number == _OVERRIDE:
-            self._write_override(struct.unpack_from("<8H", payload))
-        elif number == _COMMAND:
-            first, *_, command = struct.unpack_from("<7fH", payload)
-            self.record.commands.append(Command(self.now, command, first))
+        if int.from_bytes(data[7:10], "little") == _OVERRIDE:
+            self._write_override(struct.unpack_from("<8H", data[10 : 10 + data[1]].ljust(64, b"\0")))
         self.up.put(data, self.now_us)
 
     # ---- within
@@ -213,7 +212,7 @@ class World:
         if not (frame.whole and frame.own):
             return
         laptop = self.laptop
-        laptop.heard, laptop.made = self.now, max(laptop.made, frame.sent_us * 1e-6)
+        laptop.heard = self.now
         data = frame.data
         if data[7] == _NAMED_FLOAT and not data[8] and data[18:24] == b"SWP_ST":
             laptop.state_heard = self.now
@@ -260,7 +259,7 @@ class World:
 
     def _write_override(self, us: tuple[int, ...]) -> None:
         laptop, now = self.laptop, self.now
-        ages = now - laptop.heard, now - laptop.state_heard, now - laptop.made
+        ages = now - laptop.heard, now - laptop.state_heard
         self.record.sent.append(Sent(now, us[_THROTTLE], us[_SWITCH], *ages))
 
     def _write_row(self) -> None:
@@ -268,28 +267,11 @@ class World:
         awake = laptop.death is None and self.now_us >= laptop.wakes_us
         up = self.up.weather
         in_time = up.delay + up.jitter < _REACHES and not (up.hole or up.stall)
-        reachable = awake and self.connected and in_time
-        heard = laptop.heard, laptop.state_heard, laptop.sent, reachable
+        reached = laptop.heard, awake and self.connected and in_time
         if rover is None:
-            off = (0.0, 0.0, 0.0, 0, 0, 0, 0, False, 0, 0, vehicle.run)
-            self.record.rows.append(Row(self.now, vehicle.boots, *off, *heard))
-            return
-        state, now_ms, overrides = rover.plant.state, rover.now_ms, rover.radio._overrides
-        steering, throttle = rover._actuators()
-        row = Row(
-            self.now,
-            vehicle.boots,
-            state.vx,
-            state.x,
-            state.y,
-            throttle,
-            steering,
-            overrides[_THROTTLE][0] if rover.radio.overridden(_THROTTLE, now_ms) else 0,
-            overrides[_SWITCH][0] if rover.radio.overridden(_SWITCH, now_ms) else 0,
-            rover.armed,
-            rover.mode,
-            vehicle.state,
-            vehicle.run,
-            *heard,
-        )
-        self.record.rows.append(row)
+            rows = Row(self.now, vehicle.boots, 0.0, 0.0, 0.0, 0, False, 0, vehicle.run, *reached)
+        else:
+            at, throttle = rover.plant.state, rover._actuators()[1]
+            applet = vehicle.state, vehicle.run
+            rows = Row(self.now, vehicle.boots, at.vx, at.x, at.y, throttle, rover.armed, *applet, *reached)
+        self.record.rows.append(rows)
