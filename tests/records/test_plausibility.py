@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from rover_sweep.data.geometry import Geometry
-from rover_sweep.data.plausibility import RANGES, implausible
+from rover_sweep.data.plausibility import implausible
 from rover_sweep.data.vehicle_file import load
 from rover_sweep.data.vehicle_geometry import geometry_of
 from tests.foreign.rover import SIZES, Size, draw_rover
@@ -91,7 +91,3 @@ def test_a_usual_result_is_not_accused_and_an_unknown_one_is_ignored() -> None:
 def test_without_a_yaw_inertia_in_the_file_the_radius_of_gyration_judges() -> None:
     (sentence,) = implausible(replace(ROVER, yaw_inertia=None), {"Izz": 0.49})
     assert "radius of gyration in yaw / wheelbase is 1.1 (plausible: 0.2 to 0.75)" in sentence
-
-
-def test_the_range_of_every_ratio_has_a_middle() -> None:
-    assert all(one.low < one.high for one in RANGES)

@@ -123,7 +123,6 @@ def test_one_way_for_the_whole_position() -> None:
 
 MISTAKES = {
     "material, unknown": (MINIMAL + "[material]\nservo_lagg = 0.02", "did you mean servo_lag?"),
-    "material, elsewhere": (MINIMAL + "cg_position = 0.01", "cg_position belongs under [material]"),
     "material, negative": (MINIMAL + "[material]\nservo_lag = -1", "above 0 and at most 0.5 s, as in"),
     "material, percent": (MINIMAL + "[material]\nsteering_scale = 3", "at most 0.5, as in: steering_scale"),
     "material, words": (MINIMAL + "[material]\nservo_lag = '40 ms'", "servo_lag is '40 ms'; it must be"),
@@ -134,8 +133,6 @@ MISTAKES = {
     "key outside a section": ("mass = 2.66\n" + MINIMAL, "mass is outside a section; it belongs"),
     "unknown section": (MINIMAL + "[sterring]\ntrim_us = 1500", "did you mean [steering]?"),
     "text for a number": (MINIMAL.replace("2.66", '"2.66"'), "'2.66' in quotes; it must be a plain number"),
-    "true for a number": (MINIMAL.replace("2.66", "true"), "mass is True; it must be a plain number"),
-    "infinite": (MINIMAL.replace("2.66", "inf"), "mass is inf; it must be a plain number"),
     "negative mass": (MINIMAL.replace("2.66", "-2.66"), "mass is -2.66 kg; it must be above 0"),
     "sprung above mass": (MINIMAL + "sprung_mass = 2.7", "sprung_mass 2.7 kg is above mass 2.66 kg"),
     "grams": (MINIMAL.replace("2.66", "2660"), "grams? give kg"),
@@ -154,10 +151,6 @@ MISTAKES = {
         MINIMAL + "cg_height_above_roll_centre = {value = 0.058, sd = 10}",
         "sd is 10 m; millimetres or centimetres?",
     ),
-    "sd of a place in mm": (
-        MINIMAL + "[imu]\nposition = [{value = 0.0, sd = 5}, 0, 0.05]",
-        "position[0]: sd is 5 m; millimetres",
-    ),
     "sd of a gain": (
         MINIMAL + "[steering]\ntrim_us = 1500\nrad_per_us = {value = -0.0009, sd = 0.01}",
         "sd 0.01 is above the value",
@@ -172,18 +165,12 @@ MISTAKES = {
         MINIMAL + '[imu]\nposition = {value = [0, 0, 0.05], how = "scale"}',
         '[imu] position: how = "scale" is a share',
     ),
-    "position, two sd": (
-        MINIMAL + "[imu]\nposition = {value = [0, 0, 0.05], sd = [0.1, 0.1]}",
-        "it must be three numbers",
-    ),
-    "odd field": (MINIMAL.replace("2.66", "{value = 2.66, free = true}"), "has free; write"),
     "position of two": (MINIMAL + "[imu]\nposition = [0, 0.05]", "three numbers [forward, right, down]"),
     "free unknown": (MINIMAL + '[fit]\nfree = ["C_f"]', "free contains 'C_f'; it may contain mass"),
     "free without value": (
         MINIMAL + '[fit]\nfree = ["roll_inertia"]',
         "has no roll_inertia as its starting value",
     ),
-    "free no list": (MINIMAL + '[fit]\nfree = "mass"', "it must be a list"),
     "decimal comma": (MINIMAL.replace("2.66", "2,66"), "write decimals with a point: mass = 2,66"),
     "unit after number": (MINIMAL.replace("2.66", "2.66 kg"), "write the number without its unit"),
     "empty": ("", "mass is missing"),
@@ -191,16 +178,12 @@ MISTAKES = {
 
 
 @pytest.mark.parametrize("case", MISTAKES)
-def test_each_mistake_is_said(case: str) -> None:
+def test_each_mistake_is_said_once(case: str) -> None:
     text, sentence = MISTAKES[case]
     said = refusal(text)
     assert sentence in said
     assert said.startswith("my.toml")
-
-
-@pytest.mark.parametrize("case", [c for c in MISTAKES if c not in ("empty", "half a steering")])
-def test_one_mistake_is_told_once(case: str) -> None:
-    assert "problems:" not in refusal(MISTAKES[case][0])
+    assert "problems:" not in said or case in ("empty", "half a steering")
 
 
 def test_all_problems_at_once() -> None:
@@ -209,12 +192,9 @@ def test_all_problems_at_once() -> None:
     assert said.count("\n  - ") == 4
 
 
-def test_missing_file_says_how_to_begin(tmp_path: Path) -> None:
+def test_a_file_that_is_missing_or_no_text(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="vehicle --example"):
         load(tmp_path / "none.toml")
-
-
-def test_not_text(tmp_path: Path) -> None:
     path = tmp_path / "log.BIN"
     path.write_bytes(b"\xa3\x95\x80\x80\xff")
     with pytest.raises(UsageError, match="cannot be read"):

@@ -115,9 +115,7 @@ def driven(data: Path, tmp_path_factory: pytest.TempPathFactory) -> Mapping[str,
     return found
 
 
-def test_imu_offset_adds_its_share_of_yaw_acceleration(
-    driven: Mapping[str, Mapping[str, np.ndarray]],
-) -> None:
+def test_imu_offset_adds_its_share_of_yaw_acceleration(driven):
     plain, offset = driven["plain"], driven["offset"]
     turning = np.gradient(plain["r"], GRID)
     more = offset["ay"] - plain["ay"]
@@ -132,17 +130,13 @@ def test_trim_turns_the_mean_path(driven: Mapping[str, Mapping[str, np.ndarray]]
     assert more == pytest.approx(-0.03 * np.mean(plain["speed"]) / 0.391, rel=0.06)
 
 
-def test_another_clock_stamps_the_steering_late_and_nothing_else(
-    driven: Mapping[str, Mapping[str, np.ndarray]],
-) -> None:
+def test_another_clock_stamps_the_steering_late_and_nothing_else(driven):
     plain, late = driven["plain"], driven["late"]
     assert late["r"] == pytest.approx(plain["r"], abs=1e-9)
     assert late["pwm"][4:] == pytest.approx(plain["pwm"][:-4], abs=1e-6)
 
 
-def test_a_late_velocity_stream_moves_the_velocity_alone(
-    driven: Mapping[str, Mapping[str, np.ndarray]],
-) -> None:
+def test_a_late_velocity_stream_moves_the_velocity_alone(driven):
     plain, late = driven["plain"], driven["lagging"]
     assert late["pwm"] == pytest.approx(plain["pwm"])
     assert late["speed"][4:] == pytest.approx(plain["speed"][:-4], abs=1e-3)

@@ -26,23 +26,12 @@ def agrees(source: Path, again: Path, share: float = 0.09) -> None:
     assert np.std(difference) < share * np.std(field["r"].on(t))
 
 
-@pytest.mark.parametrize(
-    ("name", "share"), [("applet/run2.BIN", 0.09), ("defaults/run1.BIN", 0.12), ("defaults/run2.tlog", 0.09)]
-)
+@pytest.mark.parametrize(("name", "share"), [("applet/run2.BIN", 0.09), ("defaults/run1.BIN", 0.12)])
 def test_embedded(data: Path, truth: Path, tmp_path: Path, name: str, share: float) -> None:
-    """With the applet's rows; with RCOU alone, which has 25 rad/s at 10 Hz; from the telemetry."""
+    """With the applet's rows; with RCOU alone, which has 25 rad/s at 10 Hz."""
     source, out = data / "ardurover-4.6.3" / name, tmp_path / "again.BIN"
-    arguments = [
-        "redrive",
-        str(source),
-        "--variant",
-        str(truth),
-        "--simulator",
-        "embedded",
-        "--out",
-        str(out),
-    ]
-    assert run(arguments) == 0
+    options = ("--variant", str(truth), "--simulator", "embedded", "--out", str(out))
+    assert run(["redrive", str(source), *options]) == 0
     agrees(source, out, share)
 
 
@@ -53,16 +42,7 @@ def test_real_firmware(data: Path, truth: Path, tmp_path: Path) -> None:
     except LaunchError as error:
         pytest.skip(str(error))
     source, out = data / "ardurover-4.6.3" / "applet" / "run2.BIN", tmp_path / "again.BIN"
-    arguments = [
-        "redrive",
-        str(source),
-        "--variant",
-        str(truth),
-        "--simulator",
-        "ardurover",
-        "--out",
-        str(out),
-    ]
-    assert run(arguments) == 0
+    options = ("--variant", str(truth), "--simulator", "ardurover", "--out", str(out))
+    assert run(["redrive", str(source), *options]) == 0
     agrees(source, out)
     assert out.stat().st_size < 3 * source.stat().st_size

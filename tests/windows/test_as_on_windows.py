@@ -65,39 +65,10 @@ def test_calls_that_a_system_lacks_are_in_one_module() -> None:
     assert found == ["system.py"]
 
 
-def test_python_is_as_on_windows(place: Path) -> None:
-    program = (
-        "import os, signal, sys, time, select\n"
-        "for name in ('termios', 'fcntl', 'pty', 'resource'):\n"
-        "    try: __import__(name); sys.exit(name)\n"
-        "    except ImportError: pass\n"
-        "assert not any(hasattr(os, n) for n in ('fork', 'setsid', 'killpg'))\n"
-        "assert not hasattr(signal, 'SIGKILL') and not hasattr(time, 'CLOCK_BOOTTIME')\n"
-        "for wrong in (lambda: select.select([0], [], [], 0), lambda: open('a:b', 'w')):\n"
-        "    try: wrong(); sys.exit('allowed')\n"
-        "    except OSError: pass\n"
-        "held = open('a', 'w', encoding='utf-8')\n"
-        "try: os.replace('a', 'b'); sys.exit('replaced')\n"
-        "except PermissionError: pass\n"
-    )
-    as_on_windows(place, "-c", program)
-
-
 def test_help_and_a_missing_port(place: Path) -> None:
     assert "dry-run" in rover_sweep(place, "--help").stdout
     said = rover_sweep(place, "preflight", "--connect", "COM7:57600", code=4).stderr
     assert "there is no serial port COM7; plugged in: COM5: CubeOrange" in said
-
-
-def test_identify(place: Path) -> None:
-    for name in ("run1.BIN", "run4.BIN"):
-        shutil.copy(LOGS / name, place / f"Lauf {name}")
-    vehicle = ("--vehicle", str(ROVER))
-    done = rover_sweep(
-        place, "identify", "Lauf run1.BIN", "Lauf run4.BIN", *vehicle, "--out", "Bericht für Ü"
-    )
-    assert "roll-yaw" in done.stdout
-    assert (place / "Bericht für Ü" / "report.html").is_file()
 
 
 def test_dry_run(place: Path) -> None:
