@@ -73,7 +73,6 @@ SCENES: Mapping[str, tuple[Step, ...]] = {
         [Ended(Connect(URL), "cannot open tcp:127.0.0.1:5760: Connection refused; does it run?")],
     ),
     "preflight": _READY,
-    "preflight-by-hand": (*_READY, "down", "down", "down", "down", "down", "down", "down"),
     "preflight-reboot": (*_READY, "down", "f"),
     "preflight-again": (*_READY, "r"),
     "preflight-good": (*_READY, [Checked(tuple(c for c in CHECKS if c.state == "good"))]),
@@ -81,7 +80,6 @@ SCENES: Mapping[str, tuple[Step, ...]] = {
     "plan-throttle": (*_READY, "3", "h"),
     "plan-empty": (*_READY, "3", "x", "x", "x"),
     "plan-edit": (*_READY, "3", "e", "down", "right"),
-    "plan-edit-in-run": (*_DRIVEN, "3", "e"),
     "run-idle": (*_READY, "4"),
     "run-arm": (*_ASKED, [replace(_FAR, armed=False)]),
     "run-switch-high": (*_ASKED, [e.Armed(2.0), e.SwitchWanted("high", 6), _FAR]),
@@ -94,14 +92,8 @@ SCENES: Mapping[str, tuple[Step, ...]] = {
     "run-played": ([Played(34.0, 120.0, 2.0), *under_way()], "4"),
     "verdict": (*_DRIVEN, finished()),
     "verdict-keep": (*_DRIVEN, [*finished()[:-1], Judged(_KEEP)]),
-    "verdict-stopped": (
-        *_DRIVEN,
-        [e.RunFinished("sweep1", False, "roll 31.0 > 30 deg", TLOG, (4.0, 20.0), 1, ()), Ended(drive())],
-        "5",
-    ),
     "log": (*_DRIVEN, finished(), "6"),
     "results": (*_DRIVEN, finished(), "7"),
-    "results-done": (*_DRIVEN, finished(), "7"),
     "results-gains": (*_DRIVEN, finished(), "7"),
 }
 
@@ -169,7 +161,7 @@ GAINS = AnalysisJob(
     ),
     seconds=8.0,
 )
-WORKED_OUT = {"results": JOBS, "results-done": JOBS[:1], "results-gains": (*JOBS[:1], GAINS)}
+WORKED_OUT = {"results": JOBS, "results-gains": (*JOBS[:1], GAINS)}
 
 
 @asynccontextmanager

@@ -111,18 +111,12 @@ _LEFT_OUT = {
 }
 
 
-# Classes that had another name when the conversations were recorded.
-_RECORDED_AS = {"VehicleIdentity": "Vehicle", "SurveyedParameter": "Checked"}
-
-
 def _plain(value: Any) -> Any:
     """A value as JSON has it; NaN as a word, since it is not equal to itself; long texts hashed."""
     if is_dataclass(value) and not isinstance(value, type):
         name = RECORDED_AS.get(type(value).__name__, type(value).__name__)
-        recorded = _RECORDED_AS.get(name, name)
-        return {"": recorded} | {
-            k: _plain(v) for k, v in vars(value).items() if k not in _LEFT_OUT.get(name, ())
-        }
+        kept = {k: v for k, v in vars(value).items() if k not in _LEFT_OUT.get(name, ())}
+        return {"": name} | {k: _plain(v) for k, v in kept.items()}
     if isinstance(value, dict):
         return {str(k): _plain(v) for k, v in value.items()}
     if isinstance(value, list | tuple):

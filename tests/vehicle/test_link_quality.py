@@ -141,14 +141,11 @@ def test_a_slow_link_is_waited_for_up_to_a_bound() -> None:
             LinkQuality(seconds=9, frames=300, lost=0.3, latency=3.0),
             "the link loses 30% of the frames and an answer takes 3.0 s",
         ),
+        (LinkQuality(seconds=3, frames=2, lost=0.5), ""),
     ],
 )
 def test_words(quality: LinkQuality, words: str) -> None:
-    assert quality.words.startswith(words)
-
-
-def test_a_few_frames_are_no_measurement() -> None:
-    assert LinkQuality(seconds=3, frames=2, lost=0.5).words == ""
+    assert quality.words.startswith(words) and bool(quality.words) == bool(words)
 
 
 @pytest.mark.parametrize("forgotten", [True, False])

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import replace
 from typing import Any
 
@@ -175,29 +174,19 @@ def test_two_clocks_are_compared_whatever_the_radio_adds() -> None:
 
 
 @pytest.mark.parametrize(
-    ("link", "state", "told", "sentence"),
+    ("link", "state", "told"),
     [
-        (
-            LinkQuality(5.0, 900, latency=0.04),
-            "good",
-            "nothing lost, answers in 40 ms",
-            "on 900 frames in 5 s",
-        ),
-        (LinkQuality(5.0, 900, 0.05, 0.04), "doubtful", "5.0% lost", "loses 5% of the frames, 4% by damage"),
-        (
-            LinkQuality(5.0, 900, 0.52),
-            "bad",
-            "52.0% lost",
-            r"loses 52% of the frames \(measured over 5 s\); move",
-        ),
-        (LinkQuality(5.0, 900, latency=4.0), "bad", "nothing lost, answers in 4000 ms", "takes 4.0 s"),
-        (LinkQuality(2.0, 3, 0.5), "unknown", "not measured", "too few frames"),
+        (LinkQuality(5.0, 900, latency=0.04), "good", "nothing lost, answers in 40 ms"),
+        (LinkQuality(5.0, 900, 0.05, 0.04), "doubtful", "5.0% lost"),
+        (LinkQuality(5.0, 900, 0.52), "bad", "52.0% lost"),
+        (LinkQuality(5.0, 900, latency=4.0), "bad", "nothing lost, answers in 4000 ms"),
+        (LinkQuality(2.0, 3, 0.5), "unknown", "not measured"),
     ],
 )
-def test_the_link(link: LinkQuality, state: str, told: str, sentence: str) -> None:
+def test_the_link(link: LinkQuality, state: str, told: str) -> None:
     found = check("link", seen(link=link))
     assert (found.state, found.seen) == (state, told)
-    assert re.search(sentence, found.sentence)
+    assert link.words.partition(";")[0] in found.sentence
     assert found.remedy is None or found.remedy.by_hand
 
 
