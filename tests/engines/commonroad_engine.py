@@ -6,9 +6,10 @@ starts and stops evenly in a straight line.
 
 from __future__ import annotations
 
+from collections import namedtuple
 from collections.abc import Callable
 from types import FunctionType, ModuleType
-from typing import Any, NamedTuple, cast
+from typing import Any
 
 import numpy as np
 import vehiclemodels.utils.acceleration_constraints as acceleration
@@ -28,9 +29,9 @@ from tests.engines.engine import (
     load_step,
     lost_share,
 )
-from tests.engines.shared_laws import EVERYWHERE, PATH, SENSING, outside_laws, vehicle_laws
+from tests.engines.shared_laws import EVERYWHERE, PATH, SENSING, outside_laws, own_numbers, vehicle_laws
 from tests.foreign.grade import PLACES as FOREIGN_PLACES
-from tests.foreign.laws import Extras, Law
+from tests.foreign.laws import Law
 from tests.foreign.plant import (
     DT,
     GRAVITY,
@@ -45,7 +46,7 @@ from tests.foreign.plant import (
     steering_step,
 )
 from tests.foreign.recorded import mounted
-from tests.foreign.rover import SIZES, Rover
+from tests.foreign.rover import SIZES
 
 AXLE_W, AXLE_ZETA = 80.0, 1.2  # rad/s: an axle's sideways compliance against the body
 TYRE_W = 150.0  # rad/s: an axle on its tyres
@@ -53,95 +54,25 @@ ROTOR = 0.03  # of the rover's mass: motor and gear at the rolling radius of eac
 MU = 2.0
 
 
-class Tyre(NamedTuple):
-    """Coefficients of the package's tire_model; shapes of its own data sheet, without offsets."""
-
-    p_dx1: float
-    p_kx1: float
-    p_dy1: float
-    p_ky1: float
-    p_vy1: float = 0.0
-    p_cx1: float = 1.6411
-    p_dx3: float = 0.0
-    p_ex1: float = 0.46403
-    p_hx1: float = 0.0
-    p_vx1: float = 0.0
-    r_bx1: float = 13.276
-    r_bx2: float = -13.778
-    r_cx1: float = 1.2568
-    r_ex1: float = 0.65225
-    r_hx1: float = 0.0
-    p_cy1: float = 1.3507
-    p_dy3: float = -2.8821
-    p_ey1: float = -0.0074722
-    p_hy1: float = 0.0
-    p_hy3: float = 0.0
-    p_vy3: float = 0.0
-    r_by1: float = 7.1433
-    r_by2: float = 9.1916
-    r_by3: float = 0.0
-    r_cy1: float = 1.0719
-    r_ey1: float = -0.27572
-    r_hy1: float = 0.0
-    r_vy1: float = 0.0
-    r_vy3: float = 0.0
-    r_vy4: float = 12.12
-    r_vy5: float = 1.9
-    r_vy6: float = -10.704
-
-
-class Limits(NamedTuple):
-    """Of steering and drive: none of them is reached."""
-
-    min: float = -1.5
-    max: float = 1.5
-    v_min: float = -50.0
-    v_max: float = 50.0
-    v_switch: float = 50.0
-    a_max: float = 50.0
-
-
-class Parameters(NamedTuple):
-    """The package's names; SI units."""
-
-    m: float
-    m_s: float
-    m_uf: float
-    m_ur: float
-    a: float
-    b: float
-    I_Phi_s: float
-    I_y_s: float
-    I_z: float
-    K_sf: float
-    K_sdf: float
-    K_sr: float
-    K_sdr: float
-    T_f: float
-    T_r: float
-    K_ras: float
-    K_rad: float
-    K_zt: float
-    h_raf: float
-    h_rar: float
-    h_s: float
-    I_uf: float
-    I_ur: float
-    I_y_w: float
-    R_w: float
-    tire: Tyre
-    steering: Limits = Limits()
-    longitudinal: Limits = Limits()
-    I_xz_s: float = 0.0
-    K_tsf: float = 0.0
-    K_tsr: float = 0.0
-    K_lt: float = 0.0
-    T_sb: float = 0.0
-    T_se: float = 0.0
-    D_f: float = 0.0
-    D_r: float = 0.0
-    E_f: float = 0.0
-    E_r: float = 0.0
+# coefficients of the package's tire_model; shapes of its own data sheet, offsets of none
+SHAPES = {
+    "p_cx1": 1.6411, "p_ex1": 0.46403, "r_bx1": 13.276, "r_bx2": -13.778, "r_cx1": 1.2568, "r_ex1": 0.65225,
+    "p_cy1": 1.3507, "p_dy3": -2.8821, "p_ey1": -0.0074722, "r_by1": 7.1433, "r_by2": 9.1916,
+    "r_cy1": 1.0719, "r_ey1": -0.27572, "r_vy4": 12.12, "r_vy5": 1.9, "r_vy6": -10.704,
+}  # fmt: skip
+SHAPES |= dict.fromkeys(
+    ["p_dx3", "p_hx1", "p_vx1", "r_hx1", "p_hy1", "p_hy3", "p_vy3", "r_by3", "r_hy1", "r_vy1", "r_vy3"], 0.0
+)
+Tyre = namedtuple("Tyre", ["p_dx1", "p_kx1", "p_dy1", "p_ky1", "p_vy1", *SHAPES], defaults=SHAPES.values())
+# of steering and drive: none of them is reached
+LIMITS = namedtuple("Limits", "min max v_min v_max v_switch a_max")(-1.5, 1.5, -50.0, 50.0, 50.0, 50.0)
+NONE = dict.fromkeys(["I_xz_s", "K_tsf", "K_tsr", "K_lt", "T_sb", "T_se", "D_f", "D_r", "E_f", "E_r"], 0.0)
+# the package's names; SI units
+Parameters = namedtuple(
+    "Parameters",
+    "m m_s m_uf m_ur a b I_Phi_s I_y_s I_z K_sf K_sdf K_sr K_sdr T_f T_r K_ras K_rad K_zt h_raf h_rar h_s "
+    "I_uf I_ur I_y_w R_w tire steering longitudinal " + " ".join(NONE),
+)
 
 
 def parameters(rover: EngineRover) -> Parameters:
@@ -163,6 +94,7 @@ def parameters(rover: EngineRover) -> Parameters:
         I_uf=axle * (0.45 * n.track) ** 2, I_ur=axle * (0.45 * n.track) ** 2,
         I_y_w=ROTOR * n.m * radius**2, R_w=radius,
         tire=Tyre(p_dx1=mu, p_kx1=1.5 * grip, p_dy1=mu, p_ky1=-grip, p_vy1=rover.own.get("plysteer", 0.0)),
+        steering=LIMITS, longitudinal=LIMITS, **NONE,
     )  # fmt: skip
 
 
@@ -193,14 +125,6 @@ RATES = _compiled()
 # ---- Effects that CommonRoad's multi-body model makes itself, and those of forces beside it.
 
 
-def _soft(rover: Rover, size: float, _extras: Extras) -> Rover:
-    return cast(EngineRover, rover).having(soft_axle=size)
-
-
-def _plysteer(rover: Rover, size: float, _extras: Extras) -> Rover:
-    return cast(EngineRover, rover).having(plysteer=size)
-
-
 LISTED: tuple[Law, ...] = (
     *PATH,
     *SENSING,
@@ -213,8 +137,16 @@ LISTED: tuple[Law, ...] = (
 )
 OUTSIDE: tuple[Law, ...] = (
     *outside_laws((*EVERYWHERE, "outside:wheel_lift")),
-    Law("outside:soft_axle", "sideways bushings", "axles", 1.5, 12.0, _soft, "-"),
-    Law("outside:plysteer", "side force by the sign of roll", "tyre", 0.01, 0.3, _plysteer, "-"),
+    Law("outside:soft_axle", "sideways bushings", "axles", 1.5, 12.0, own_numbers(soft_axle="size"), "-"),
+    Law(
+        "outside:plysteer",
+        "side force by the sign of roll",
+        "tyre",
+        0.01,
+        0.3,
+        own_numbers(plysteer="size"),
+        "-",
+    ),
 )
 PLACES: dict[str, tuple[str, ...]] = {
     **FOREIGN_PLACES,
@@ -223,10 +155,7 @@ PLACES: dict[str, tuple[str, ...]] = {
 }
 
 
-# ---- CommonRoad's multi-body model as an engine: Heun's method at 2 kHz, road and wind as forces beside it.
-#
-# The model divides by the speed, so a run is simulated from a walking pace on; before and after it the rover
-# starts and stops evenly in a straight line.
+# ---- The loop of a run.
 
 STATES = 29
 SUBSTEPS = 2

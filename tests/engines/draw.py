@@ -157,8 +157,6 @@ def chosen(
     return low if low[1] >= LEAST else high if isfinite(high[1]) else None
 
 
-# ---- Draws a set: a rover of an engine, its four runs, and what is concealed in it.
-
 # how many effects; foreign_form: of a form that the list does not have
 KINDS = {"none": 0, "single": 1, "double": 2, "outside": 1, "triple": 3, "foreign_form": 1}
 TRIALS = 10  # effects that are tried until enough of them show in this rover
@@ -197,15 +195,22 @@ def _drawn(used: Engine, kind: str, seed: int) -> BenchSet:
     rover = drawn_rover(rng, used.sizes[int(rng.integers(len(used.sizes)))])
     plan = drives(rng, rover)
     concealed, hidden = hidden_in(used, kind, rover, plan, rng)
-    vehicle = parse(vehicle_toml(rover.told))
-    recordings = [
-        with_delta(logged(rover.instruments, drive, *driven(used, concealed, drive, rng), "rover"), vehicle)
-        for drive in plan
-    ]
-    runs = rs.Runs(tuple(recordings[:3]), vehicle)
+    runs, held_out = driven_runs(used, concealed, plan, rng)
     truth = {"engine": used.name, "kind": kind, "seed": seed, "size": rover.size, "hidden": hidden}
     effects = tuple(one["effect"] for one in hidden)
-    return BenchSet(used.name, kind, seed, runs, tuple(recordings[3:]), effects, truth)
+    return BenchSet(used.name, kind, seed, runs, held_out, effects, truth)
+
+
+def driven_runs(
+    used: Engine, rover: EngineRover, plan: tuple[Drive, ...], rng: Generator, side: str = ""
+) -> tuple[rs.Runs, tuple[Recording, ...]]:
+    """(three sweeps, what is held out) with the vehicle file of the owner. side: begins their names."""
+    vehicle = parse(vehicle_toml(rover.told))
+    found = []
+    for drive in plan:
+        run = logged(rover.instruments, drive, *driven(used, rover, drive, rng), side or "rover")
+        found.append(with_delta(replace(run, name=f"{side}{run.name}"), vehicle))
+    return rs.Runs(tuple(found[:3]), vehicle), tuple(found[3:])
 
 
 def hidden_in(

@@ -68,11 +68,6 @@ def _known(rng: Generator, rover: EngineRover) -> dict[str, Any]:
     return {key: float(f"{value:.4g}") for key, value in told.items()}
 
 
-# ---- What the bench asks of a physics engine, and the engines by their names.
-#
-# An engine takes a rover, the steering command and the wanted speed, and returns the motion at the IMU. All
-# that firmware and sensors add comes later and is the same for each engine.
-
 Array = NDArray[np.float64]
 Signals = Mapping[str, Array]
 CHANNELS = ("r", "p", "ay", "vy", "speed", "phi", "psi")

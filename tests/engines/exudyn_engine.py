@@ -17,73 +17,24 @@ from tests.engines.exudyn_model import REAR_L, REAR_R, ROLL, STEER_L, YAW, X, Y,
 from tests.engines.shared_laws import (
     AROUND,
     EVERYWHERE,
+    OWN_PARTS,
     PATH,
     SENSING,
-    drag_torque,
-    drags,
-    drawn_lag,
-    drawn_swing,
     outside_laws,
     own_numbers,
-    periods,
-    third_run,
+    steered,
+    toes,
     vehicle_laws,
 )
 from tests.foreign.grade import PLACES
-from tests.foreign.laws import Extras, Law, peak_ay
-from tests.foreign.plant import (
-    DT,
-    GRAVITY,
-    ROAD_ROLL,
-    ROAD_Y,
-    ROAD_YAW,
-    STEERING_STATES,
-    SURFACE,
-    WIND_X,
-    WIND_Y,
-    Numbers,
-    steering_step,
-)
+from tests.foreign.laws import Extras, Law, friction_limit, per_newton, valued
+from tests.foreign.plant import DT, GRAVITY, ROAD_ROLL, ROAD_Y, ROAD_YAW, SURFACE, WIND_X, WIND_Y, Numbers
 from tests.foreign.recorded import mounted
 from tests.foreign.rover import SIZES, Rover
 
-AT_ONCE = 0.02  # s: lag of a linkage that yields
-OWN_PARTS = (  # of EVERYWHERE, as bodies and joints here
-    "outside:pendulum",
-    "outside:sliding_load",
-    "outside:toe_compliance",
-    "outside:slip_speed",
-    "outside:limping_motor",
-)
-
-
-def _knee(rover: Rover, size: float, _extras: Extras) -> Rover:
-    return rover.of(mu=_mu(rover, size))
-
 
 def _bend(rover: Rover, size: float, _extras: Extras) -> Rover:
-    return cast(EngineRover, rover.of(mu=_mu(rover, size))).having(smooth=size)
-
-
-def _mu(rover: Rover, size: float) -> float:
-    return peak_ay(rover) / GRAVITY / size
-
-
-def _toe(rover: Rover, size: float, extras: Extras) -> Rover:
-    """Wheels yield by the share `size` of the large amplitude at its side force, with a delay."""
-    lag = extras.get("lag", AT_ONCE)
-    return cast(EngineRover, rover).having(toe=_yield(rover, size), toe_lag=lag)
-
-
-def _yield(rover: Rover, size: float) -> float:
-    """Share of the front slip angle's stiffness: angle lost times stiffness over side force."""
-    return _per_newton(rover, size) * rover.numbers.Cf
-
-
-def _per_newton(rover: Rover, size: float) -> float:
-    """Toe per front side force [rad/N]."""
-    n = rover.numbers
-    return size * rover.amplitude * (n.a + n.b) / (n.m * peak_ay(rover) * n.b)
+    return cast(EngineRover, rover.of(mu=friction_limit(rover, size))).having(smooth=size)
 
 
 def _dry_hinges() -> tuple[Law, ...]:
@@ -98,45 +49,34 @@ LISTED: tuple[Law, ...] = (
     *SENSING,
     *_dry_hinges(),
     *vehicle_laws(("cross_slope", "plane"), ("front_rear_stiffness", "ratio"), ("yaw_damping", "moment")),
-    Law("steering_compliance", "trail", "compliance", 0.08, 0.6, _toe, "rad/N", _per_newton),
-    Law("tyre_saturation", "end of the zone", "tyre", 0.7, 1.5, _knee, "-", _mu),
-    Law("tyre_saturation", "smooth zone", "tyre", 0.3, 1.3, _bend, "-", _mu),
+    Law("steering_compliance", "trail", "compliance", 0.08, 0.6, toes, "rad/N", per_newton),
+    Law(
+        "tyre_saturation",
+        "end of the zone",
+        "tyre",
+        0.7,
+        1.5,
+        valued("mu", friction_limit),
+        "-",
+        friction_limit,
+    ),
+    Law("tyre_saturation", "smooth zone", "tyre", 0.3, 1.3, _bend, "-", friction_limit),
     Law("yaw_damping", "locked rear axle", "yaw", 0.99, 1.0, own_numbers(spool="size"), "-", absolute=True),
 )
+_MADE = {"outside:sliding_load", *(law.effect for law in OWN_PARTS)}  # of bodies and joints here
 OUTSIDE: tuple[Law, ...] = (
-    *outside_laws([one for one in EVERYWHERE if one not in OWN_PARTS]),
-    Law(
-        "outside:pendulum", "hanging load", "cargo", 0.04, 0.35,
-        own_numbers(pendulum="size", pendulum_w="w"), extras=drawn_swing,
-    ),
+    *outside_laws(set(EVERYWHERE) - _MADE),
+    *OWN_PARTS,
     Law("outside:sliding_load", "dry friction and stops", "cargo", 0.04, 0.35, own_numbers(sliding="size")),
-    Law("outside:toe_compliance", "trail and bushings", "compliance", 0.1, 0.8, _toe, "-", _yield, drawn_lag),
-    Law(
-        "outside:slip_speed", "force over sliding speed", "tyre", 0.7, 1.0,
-        own_numbers(slip_speed="size"), extras=third_run, absolute=True,
-    ),
-    Law("outside:limping_motor", "one wheel drags", "yaw", 0.01, 0.25, drags, "N m", drag_torque, periods),
-)  # fmt: skip
+)
 
 
-# ---- exudyn (multibody dynamics in C++) as an engine: velocity Verlet at 1 kHz.
-#
-# The steering up to the wheels is `tests.foreign.plant`; all that follows are bodies, joints and
-# contacts. Drive, road and wind enter as forces of the joints before each step.
+# ---- The loop of a run.
 
 SLOWEST = 0.3  # of the rover's speed: below it tyres resist in proportion to the sliding speed
 CUT = 0.45  # share of the time in which a limping motor drags
 EVERY = 10  # steps in which the tyres' zone follows the speed
 CHASSIS = 6  # joints of the chassis: place, yaw, pitch, roll
-
-
-@njit
-def _steered(command: Array, wanted: Array, n: Numbers) -> Array:
-    """Road-wheel angle (steps,) rad before roll steer."""
-    out, servo = np.empty(command.size), np.zeros(STEERING_STATES)
-    for k in range(command.size):
-        out[k] = steering_step(servo, command[k], wanted[k], 0.0, 0.0, n, DT)
-    return out
 
 
 @njit
@@ -233,7 +173,7 @@ def _settings(steps: int) -> Any:
 
 def _signals(rover: EngineRover, command: Array, wanted: Array, around: Array, heading: float) -> Signals:
     i, n = rover.instruments, rover.numbers
-    places, rates = _run(rover, _steered(command, wanted, n), wanted, around, heading)
+    places, rates = _run(rover, steered(command, wanted, n), wanted, around, heading)
     psi, theta, phi = places[:, 3:6].T
     turns = rates[:, 3:6].T
     p = turns[2] - turns[0] * np.sin(theta)

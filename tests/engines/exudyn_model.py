@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from tests.engines.engine import EngineRover
+from tests.engines.shared_laws import chassis_inertia
 from tests.foreign.plant import BED_FRICTION, BED_WAY, GRAVITY, STOP_W
 
 sys.exudynFast = True  # type: ignore[attr-defined]  # without checks of ranges
@@ -175,15 +176,10 @@ def _links(rover: EngineRover) -> list[_Link]:
 
 
 def _chassis(rover: EngineRover) -> _Link:
-    n = rover.numbers
-    wheel = (n.m - n.ms) / 4
     loose = rover.own.get("pendulum", 0.0) + rover.own.get("sliding", 0.0)
-    ahead = -2 * wheel * (n.a - n.b) / n.ms  # CG of the chassis from the CG of the whole
-    unsprung_yaw = 4 * wheel * (n.track / 2) ** 2 + 2 * wheel * (n.a**2 + n.b**2)
-    izz = max(n.Izz - unsprung_yaw - n.ms * ahead**2, 0.3 * n.Izz)
-    iyy = max(1.05 * izz - n.Ixx, n.ms * (0.25 * (n.a + n.b)) ** 2)
-    inertia, mass = (n.Ixx * (1 - 0.5 * loose), iyy, izz), n.ms * (1 - loose)
-    return _Link(exu.JointType.RevoluteX, PITCH, mass=mass, inertia=inertia, centre=(ahead, 0.0, 0.0))
+    ahead, *inertia = chassis_inertia(rover)
+    mass = rover.numbers.ms * (1 - loose)
+    return _Link(exu.JointType.RevoluteX, PITCH, mass=mass, inertia=tuple(inertia), centre=(ahead, 0.0, 0.0))
 
 
 def _loads(rover: EngineRover) -> list[_Link]:

@@ -20,20 +20,16 @@ from numba import njit
 from tests.engines.engine import Array, Engine, EngineRover, Signals
 from tests.engines.shared_laws import (
     AROUND,
+    OWN_PARTS,
     PATH,
     SENSING,
-    drag_torque,
-    drags,
-    drawn_lag,
-    drawn_swing,
+    chassis_inertia,
     outside_laws,
     own_numbers,
-    periods,
-    third_run,
     vehicle_laws,
 )
 from tests.foreign.grade import PLACES as FOREIGN_PLACES
-from tests.foreign.laws import Extras, Law, peak_ay, turning_stiffness
+from tests.foreign.laws import Extras, Law, coupling, damping, friction_limit, peak_ay, valued
 from tests.foreign.plant import (
     DT,
     GRAVITY,
@@ -106,12 +102,8 @@ def spring(rover: EngineRover) -> float:
 def xml(rover: EngineRover, heading: float) -> str:
     """The model's description; SI units."""
     n, own = rover.numbers, rover.own
-    wheel = (n.m - n.ms) / 4
     loose = own.get("pendulum", 0.0) + own.get("sliding", 0.0)
-    ahead = -2 * wheel * (n.a - n.b) / n.ms  # CG of the chassis from the CG of the whole
-    unsprung_yaw = 4 * wheel * (n.track / 2) ** 2 + 2 * wheel * (n.a**2 + n.b**2)
-    izz = max(n.Izz - unsprung_yaw - n.ms * ahead**2, 0.3 * n.Izz)
-    iyy = max(1.05 * izz - n.Ixx, n.ms * (0.25 * (n.a + n.b)) ** 2)
+    ahead, ixx, iyy, izz = chassis_inertia(rover)
     iyy = min(max(iyy, izz - 0.95 * n.Ixx), 0.95 * (izz + n.Ixx))
     fall = GRAVITY * sin(n.slope)
     gravity = (fall * cos(n.slope_heading), fall * sin(n.slope_heading), -GRAVITY * cos(n.slope))
@@ -129,7 +121,7 @@ def xml(rover: EngineRover, heading: float) -> str:
  solver="Newton" iterations="30" tolerance="1e-10"/>
 <worldbody><geom name="ground" type="plane" size="0 0 1" contype="0" conaffinity="0"/>
 <body name="chassis" pos="0 0 {n.h - sunk}" quat="{cos(heading / 2)} 0 0 {sin(heading / 2)}"><freejoint/>
-<inertial pos="{ahead} 0 0" mass="{mass}" diaginertia="{n.Ixx * (1 - 0.5 * loose)} {iyy} {izz}"/>
+<inertial pos="{ahead} 0 0" mass="{mass}" diaginertia="{ixx} {iyy} {izz}"/>
 <site name="cg" pos="0 0 0"/><site name="axis" pos="0 0 {-n.h}"/>
 {_imu(rover)}{_pendulum(rover)}{_sliding(rover)}{legs}</body></worldbody>
 <contact>{pairs}</contact>{_lock(rover)}
@@ -245,23 +237,6 @@ def _actuators(rover: EngineRover) -> str:
 FRONT_SHARE = 0.8  # of the roll stiffness, where a front wheel lifts
 
 
-def _cone(rover: Rover, size: float, _extras: Extras) -> Rover:
-    return rover.of(mu=_friction(rover, size))
-
-
-def _friction(rover: Rover, size: float) -> float:
-    return peak_ay(rover) / GRAVITY / size
-
-
-def _coupled(rover: Rover, size: float, _extras: Extras) -> Rover:
-    return rover.of(diff_c=2 * size * turning_stiffness(rover) / rover.numbers.track**2)
-
-
-def _coupling(rover: Rover, size: float) -> float:
-    """Yaw damping without slip of the wheels, N m s/rad."""
-    return size * turning_stiffness(rover) / rover.speed
-
-
 def _bumps(rover: Rover, size: float, _extras: Extras) -> Rover:
     """Travel of a leg: 1/size of what the large amplitude asks for."""
     return cast(EngineRover, rover).having(bump=_travel(rover, size))
@@ -271,18 +246,6 @@ def _travel(rover: Rover, size: float) -> float:
     n = rover.numbers
     lean = n.ms * n.h * peak_ay(rover) / (n.kphi - n.ms * GRAVITY * n.h)
     return lean * n.track / 2 / size
-
-
-def _toe(rover: Rover, size: float, extras: Extras) -> Rover:
-    """Wheels yield by the share `size` of the large amplitude at its side force, with a delay."""
-    return cast(EngineRover, rover).having(toe=_yield(rover, size), toe_lag=extras["lag"])
-
-
-def _yield(rover: Rover, size: float) -> float:
-    """Share of the front slip angle's stiffness: angle lost times stiffness over side force."""
-    n = rover.numbers
-    force = n.m * peak_ay(rover) * n.b / (n.a + n.b)
-    return size * rover.amplitude * n.Cf / force
 
 
 def _narrow(rover: Rover, size: float, _extras: Extras) -> Rover:
@@ -303,34 +266,30 @@ LISTED: tuple[Law, ...] = (
     *vehicle_laws(
         ("suspension_friction", "tanh"), ("cross_slope", "plane"), ("front_rear_stiffness", "ratio")
     ),
-    Law("tyre_saturation", "friction cone", "tyre", 0.7, 1.5, _cone, "-", _friction),
-    Law("yaw_damping", "coupled wheels", "yaw", 0.05, 10.0, _coupled, "N m s/rad", _coupling),
+    Law(
+        "tyre_saturation",
+        "friction cone",
+        "tyre",
+        0.7,
+        1.5,
+        valued("mu", friction_limit),
+        "-",
+        friction_limit,
+    ),
+    Law("yaw_damping", "coupled wheels", "yaw", 0.05, 10.0, valued("diff_c", coupling), "N m s/rad", damping),
 )
 OUTSIDE: tuple[Law, ...] = (
     *outside_laws(("outside:cubic_hysteresis", "outside:resonant_linkage", "outside:aliased_vibration")),
-    Law(
-        "outside:pendulum", "hanging load", "cargo", 0.04, 0.35,
-        own_numbers(pendulum="size", pendulum_w="w"), extras=drawn_swing,
-    ),
+    *OWN_PARTS,
     Law("outside:sliding_load", "dry friction and stops", "cargo", 0.04, 0.4, own_numbers(sliding="size")),
     Law("outside:flexing_mast", "IMU on a hinge", "imu", 0.08, 0.4, own_numbers(mast="size"), "s"),
-    Law("outside:toe_compliance", "trail and bushings", "compliance", 0.1, 0.8, _toe, "-", _yield, drawn_lag),
-    Law(
-        "outside:slip_speed", "force over sliding speed", "tyre", 0.7, 1.0,
-        own_numbers(slip_speed="size"), extras=third_run, absolute=True,
-    ),
     Law("outside:bump_stops", "stops of the legs", "roll", 1.2, 4.0, _bumps, "m", _travel),
     Law("outside:wheel_lift", "contact opens", "tyre", 0.6, 1.6, _narrow, "m", lifted_track),
-    Law("outside:limping_motor", "one wheel drags", "yaw", 0.01, 0.25, drags, "N m", drag_torque, periods),
-)  # fmt: skip
+)
 PLACES: dict[str, tuple[str, ...]] = {**FOREIGN_PLACES, "outside:limping_motor": ("yaw moment", "speed")}
 
 
-# ---- MuJoCo as an engine: the loop of a run, compiled around the library's own mj_step.
-#
-# The steering up to the wheels is `tests.foreign.plant`; all that follows are bodies, joints and
-# contacts. A tyre's side force goes with its slip angle, therefore the damping of its contact is divided by
-# the speed.
+# ---- The loop of a run.
 
 SLOWEST = 0.5  # m/s: below it tyres resist in proportion to the sliding speed
 CUT = 0.45  # share of the time in which a limping motor drags

@@ -15,11 +15,9 @@ from concurrent.futures import ProcessPoolExecutor
 import numpy as np
 
 import rover_sweep as rs
-from rover_sweep.api.read import Runs, with_delta
-from rover_sweep.data.vehicle_file import parse
-from tests.engines.engine import MODULES, EngineRover, drawn_rover, driven, engine
-from tests.foreign.recorded import drives, logged
-from tests.foreign.rover import vehicle_toml
+from tests.engines.draw import driven_runs
+from tests.engines.engine import MODULES, EngineRover, drawn_rover, engine
+from tests.foreign.recorded import drives
 
 Row = dict[str, tuple[float, float, float, float]]
 
@@ -29,32 +27,19 @@ def identified(name: str, seed: int) -> tuple[str, Row]:
     used = engine(name)
     rng = np.random.default_rng([list(MODULES).index(name), seed, 4242])
     rover = drawn_rover(rng, used.sizes[int(rng.integers(len(used.sizes)))])
-    vehicle = parse(vehicle_toml(rover.told))
-    plan = drives(rng, rover)[:3]
-    logs = [logged(rover.instruments, d, *driven(used, rover, d, rng), "rover") for d in plan]
-    found = rs.identify(Runs(tuple(with_delta(log, vehicle) for log in logs), vehicle))
+    found = rs.identify(driven_runs(used, rover, drives(rng, rover)[:3], rng)[0])
     if not found.numbers:
         return found.summary[-1], {}
     true = true_numbers(rover)
-    rows = {
-        n.name: (true[n.name], n.value, *n.interval_90)
-        for n in found.numbers
-        if n.name in true and n.interval_90
-    }
-    return found.recommended or "", rows
+    known = [n for n in found.numbers if n.name in true and n.interval_90]
+    return found.recommended or "", {n.name: (true[n.name], n.value, *n.interval_90) for n in known}
 
 
 def true_numbers(rover: EngineRover) -> dict[str, float]:
     """The engine's own numbers, SI units."""
     n = rover.numbers
-    return {
-        "Cf": n.Cf,
-        "Cr": n.Cr,
-        "Izz": n.Izz,
-        "k_phi": n.kphi,
-        "b_phi": n.bphi,
-        "tau": rover.delay + 1 / n.gain + n.motor_lag,
-    }
+    tau = rover.delay + 1 / n.gain + n.motor_lag
+    return {"Cf": n.Cf, "Cr": n.Cr, "Izz": n.Izz, "k_phi": n.kphi, "b_phi": n.bphi, "tau": tau}
 
 
 def main() -> None:

@@ -21,12 +21,9 @@ from numpy.random import Generator
 
 import rover_sweep as rs
 from rover_sweep.api.diagnose import compare
-from rover_sweep.api.read import Runs, with_delta
-from rover_sweep.data.vehicle_file import parse
-from tests.engines.draw import hidden_in
-from tests.engines.engine import MODULES, EngineRover, drawn_rover, driven, engine
-from tests.foreign.recorded import drives, logged
-from tests.foreign.rover import vehicle_toml
+from tests.engines.draw import driven_runs, hidden_in
+from tests.engines.engine import MODULES, EngineRover, drawn_rover, engine
+from tests.foreign.recorded import drives
 
 KINDS = ("number", "effect", "both", "agree")
 # {number of the rover: (relative change, how the tool names it)}
@@ -55,17 +52,14 @@ def compared_pair(name: str, kind: str, seed: int) -> dict[str, Any]:
     if kind in ("number", "both"):
         simulated, words, names = _changed(plain, rng)
         wanted.append(names)
-    vehicle = parse(vehicle_toml(plain.told))
-    both = []
-    for side, rover in (("recorded", real), ("simulated", simulated)):
-        logs = [logged(rover.instruments, d, *driven(used, rover, d, rng), side) for d in plan]
-        both.append([replace(with_delta(log, vehicle), name=f"{side}{k + 1}") for k, log in enumerate(logs)])
-    recorded, simulation = both
+    (runs, held), (sims, held_sims) = (
+        driven_runs(used, rover, plan, rng, side)
+        for side, rover in (("recorded ", real), ("simulated ", simulated))
+    )
     started = time.monotonic()
-    held = Runs((recorded[3],), vehicle)
-    runs = Runs(tuple(recorded[:3]), vehicle)
     found = rs.diagnose(runs, held_out=held)
-    answer = compare(runs, Runs(tuple(simulation), vehicle), held_out=held, diagnosis=found)
+    simulation = rs.Runs((*sims, *held_sims), runs.vehicle)
+    answer = compare(runs, simulation, held_out=held, diagnosis=found)
     said = [(d.name, d.kind) for d in answer.differences]
     return {
         "engine": name,

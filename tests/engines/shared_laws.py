@@ -1,18 +1,20 @@
-"""Effects that need nothing of an engine but its interface: steering path, surroundings, sensors."""
+"""Effects of several engines: of steering path, surroundings and sensors, and of bodies and contacts."""
 
 from __future__ import annotations
 
 from collections.abc import Collection
 from typing import cast
 
-from numpy.random import Generator
+import numpy as np
+from numba import njit
 
-from tests.engines.engine import EngineRover
-from tests.foreign.laws import SENSORS, STEERING, VEHICLE, Applied, Extras, Law
-from tests.foreign.outside_laws import OUTSIDE_LAWS
-from tests.foreign.plant import GRAVITY
+from tests.engines.engine import Array, EngineRover
+from tests.foreign.laws import SENSORS, STEERING, VEHICLE, Applied, Extras, Law, per_newton
+from tests.foreign.outside_laws import LAG, OUTSIDE_LAWS, PERIOD, SWING, third_run
+from tests.foreign.plant import DT, GRAVITY, STEERING_STATES, Numbers, steering_step
 from tests.foreign.rover import Rover
 
+AT_ONCE = 0.02  # s: lag of a linkage that yields
 EVERYWHERE = (
     "outside:cubic_hysteresis", "outside:resonant_linkage", "outside:flexing_mast", "outside:yaw_drag",
     "outside:aliased_vibration", "outside:wheel_unbalance", "outside:pendulum", "outside:sliding_load",
@@ -61,21 +63,44 @@ def drag_torque(rover: Rover, size: float) -> float:
     return size * rover.numbers.m * GRAVITY * rover.instruments.wheel_radius
 
 
-def drawn_swing(rng: Generator) -> dict[str, float]:
-    """The frequency of a pendulum [rad/s]."""
-    return {"w": float(rng.uniform(4.5, 9.0))}
+def yielding(rover: Rover, size: float) -> float:
+    """Share of the front slip angle's stiffness that a yielding wheel loses by `per_newton`."""
+    return per_newton(rover, size) * rover.numbers.Cf
 
 
-def drawn_lag(rng: Generator) -> dict[str, float]:
-    """The lag of bushings [s]."""
-    return {"lag": float(rng.uniform(0.1, 0.25))}
+def toes(rover: Rover, size: float, extras: Extras) -> Rover:
+    """Wheels yield by the share `size` of the large amplitude at its side force, with a delay."""
+    lag = extras.get("lag", AT_ONCE)
+    return cast(EngineRover, rover).having(toe=yielding(rover, size), toe_lag=lag)
 
 
-def periods(rng: Generator) -> dict[str, float]:
-    """The time between two drags [s]."""
-    return {"period": float(rng.uniform(0.6, 1.6))}
+# effects of engines whose loads, tyres and wheels are bodies and contacts
+OWN_PARTS: tuple[Law, ...] = (
+    Law("outside:pendulum", "hanging load", "cargo", 0.04, 0.35,
+        own_numbers(pendulum="size", pendulum_w="w"), extras=SWING),
+    Law("outside:toe_compliance", "trail and bushings", "compliance", 0.1, 0.8, toes, "-", yielding, LAG),
+    Law("outside:slip_speed", "force over sliding speed", "tyre", 0.7, 1.0, own_numbers(slip_speed="size"),
+        extras=third_run, absolute=True),
+    Law("outside:limping_motor", "one wheel drags", "yaw", 0.01, 0.25, drags, "N m", drag_torque, PERIOD),
+)  # fmt: skip
 
 
-def third_run(_rng: Generator) -> dict[str, float]:
-    """The run in which it acts."""
-    return {"run": 3.0}
+def chassis_inertia(rover: EngineRover) -> tuple[float, float, float, float]:
+    """(CG of the chassis ahead of that of the whole [m], its I_xx, I_yy, I_zz); the wheels have one mass."""
+    n = rover.numbers
+    wheel = (n.m - n.ms) / 4
+    loose = rover.own.get("pendulum", 0.0) + rover.own.get("sliding", 0.0)
+    ahead = -2 * wheel * (n.a - n.b) / n.ms
+    unsprung_yaw = 4 * wheel * (n.track / 2) ** 2 + 2 * wheel * (n.a**2 + n.b**2)
+    izz = max(n.Izz - unsprung_yaw - n.ms * ahead**2, 0.3 * n.Izz)
+    iyy = max(1.05 * izz - n.Ixx, n.ms * (0.25 * (n.a + n.b)) ** 2)
+    return ahead, n.Ixx * (1 - 0.5 * loose), iyy, izz
+
+
+@njit
+def steered(command: Array, wanted: Array, n: Numbers) -> Array:
+    """Road-wheel angle (steps,) rad before roll steer, where no force comes back into the steering."""
+    out, servo = np.empty(command.size), np.zeros(STEERING_STATES)
+    for k in range(command.size):
+        out[k] = steering_step(servo, command[k], wanted[k], 0.0, 0.0, n, DT)
+    return out

@@ -7,39 +7,26 @@ rolls on its frame here, and its reaction goes back into the frame's sideways ve
 
 from __future__ import annotations
 
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 import slipx
-from numba import njit
 
 from tests.engines.engine import Array, Engine, EngineRover, Signals, at_speed, load_roll, load_step
-from tests.engines.shared_laws import EVERYWHERE, PATH, SENSING, outside_laws, vehicle_laws
-from tests.foreign.grade import PLACES
-from tests.foreign.laws import Extras, Law, peak_ay, share_of_base
-from tests.foreign.plant import (
-    DT,
-    GRAVITY,
-    ROAD_ROLL,
-    ROAD_Y,
-    ROAD_YAW,
-    STEERING_STATES,
-    WIND_X,
-    WIND_Y,
-    Numbers,
-    bump_moment,
-    steering_step,
+from tests.engines.shared_laws import (
+    EVERYWHERE,
+    PATH,
+    SENSING,
+    outside_laws,
+    own_numbers,
+    steered,
+    vehicle_laws,
 )
+from tests.foreign.grade import PLACES
+from tests.foreign.laws import Extras, Law, peak_ay, share_of_base, valued
+from tests.foreign.plant import DT, GRAVITY, ROAD_ROLL, ROAD_Y, ROAD_YAW, WIND_X, WIND_Y, bump_moment
 from tests.foreign.recorded import mounted
 from tests.foreign.rover import SIZES, Rover
-
-
-def _spool(rover: Rover, size: float, _extras: Extras) -> Rover:
-    return cast(EngineRover, rover).having(spool=size)
-
-
-def _relaxing(rover: Rover, size: float, _extras: Extras) -> Rover:
-    return rover.of(sigma=share_of_base(rover, size))
 
 
 def _narrow(rover: Rover, size: float, _extras: Extras) -> Rover:
@@ -56,20 +43,16 @@ LISTED: tuple[Law, ...] = (
     *(law for law in PATH if law.place != "compliance"),  # no force comes back into the steering
     *SENSING,
     *vehicle_laws(("tyre_saturation", "Magic Formula"), ("front_rear_stiffness", "ratio"), ("side_wind", "")),
-    Law("yaw_damping", "spool", "yaw", 0.99, 1.0, _spool, "-", absolute=True),
-    Law("tyre_relaxation", "slip angle", "tyre", 0.06, 1.5, _relaxing, "m", share_of_base),
+    Law("yaw_damping", "spool", "yaw", 0.99, 1.0, own_numbers(spool="size"), "-", absolute=True),
+    Law(
+        "tyre_relaxation", "slip angle", "tyre", 0.06, 1.5, valued("sigma", share_of_base), "m", share_of_base
+    ),
 )
 OUTSIDE: tuple[Law, ...] = (
     *outside_laws(EVERYWHERE),
     Law("outside:wheel_lift", "load to zero", "tyre", 0.6, 1.8, _narrow, "m", lifted_track),
 )
 
-
-# ---- slipx (double track in C++, for cars of 1:10) as an engine, scaled to every size.
-#
-# Slip angles with relaxation, load transfer, Magic Formula with a load-sensitive peak, friction ellipse,
-# open or locked differential, motor, battery and the drive's losses are slipx's. It has no roll: a body on a
-# spring rolls on its frame here, and its reaction goes back into the frame's sideways velocity at each step.
 
 MU = 2.0
 RELAXATION = 0.03  # of the wheelbase
@@ -92,15 +75,6 @@ def _parameters(rover: EngineRover) -> slipx.VehicleParams:
         tyre.mu_y0, tyre.mu_x0, tyre.shape_c, tyre.curvature_e = mu, 1.1 * mu, 1.4, 0.0
         tyre.k_mu, tyre.relax_length = 0.1, max(RELAXATION * base, n.sigma)
     return p
-
-
-@njit
-def _steered(command: Array, wanted: Array, n: Numbers) -> Array:
-    """Road-wheel angle (steps,) rad; no force comes back into this steering."""
-    out, servo = np.empty(command.size), np.zeros(STEERING_STATES)
-    for k in range(command.size):
-        out[k] = steering_step(servo, command[k], wanted[k], 0.0, 0.0, n, DT)
-    return out
 
 
 def _run(rover: EngineRover, delta: Array, wanted: Array, around: Array, heading: float) -> Array:
@@ -149,7 +123,7 @@ def _run(rover: EngineRover, delta: Array, wanted: Array, around: Array, heading
 def _signals(rover: EngineRover, command: Array, wanted: Array, around: Array, heading: float) -> Signals:
     rover = at_speed(rover, float(np.max(wanted)))
     i, n = rover.instruments, rover.numbers
-    found = _run(rover, _steered(command, wanted, n), wanted, around, heading)
+    found = _run(rover, steered(command, wanted, n), wanted, around, heading)
     u, v, r, phi, p, psi, across, p_dot = found.T
     r_dot, u_dot = np.gradient(r, DT), np.gradient(u, DT)
     cos, sin, z = np.cos(phi), np.sin(phi), i.imu_z

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from functools import cache
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -51,38 +50,28 @@ def driven_by(name: str, some: EngineRover, sign: float = 1.0) -> Signals:
 
 
 @pytest.mark.parametrize("name", ENGINES)
-def test_a_left_turn_has_the_signs_of_iso(name: str) -> None:
-    x = turned(name)
+def test_a_turn_has_the_signs_of_iso_obeys_kinematics_and_is_mirrored_to_the_right(name: str) -> None:
+    some, x, right = rover(name), turned(name), turned(name, -1.0)
+    n = some.numbers
     assert set(x) >= set(CHANNELS)
     assert all(np.all(np.isfinite(x[c])) and x[c].shape == (11000,) for c in CHANNELS)
     r, phi, ay = (x[c][-1] for c in ("r", "phi", "ay"))
     assert r > 0.1 and ay > 0.5 and phi > 0.005  # the body leans outward: its left side rises
     assert x["psi"][-1] > 1.0 and x["psi"][0] == pytest.approx(0.3, abs=1e-3)
-    begin = slice(round(STEERED / DT), round((STEERED + 0.3) / DT))
-    assert np.max(x["p"][begin]) > 0.01
+    assert np.max(x["p"][slice(round(STEERED / DT), round((STEERED + 0.3) / DT))]) > 0.01
 
-
-@pytest.mark.parametrize("name", ENGINES)
-def test_a_steady_turn_obeys_kinematics(name: str) -> None:
-    some, x = rover(name), turned(name)
-    n = some.numbers
     end = slice(-2000, None)
     turn, speed = np.mean(x["psi"][-1] - x["psi"][-2001]) / 2.0, np.mean(x["speed"][end])
     assert np.mean(x["r"][end]) == pytest.approx(turn * np.cos(np.mean(x["phi"][end])), rel=0.01)
     gravity = 9.81 * np.mean(np.sin(x["phi"][end]))
     assert np.mean(x["ay"][end]) == pytest.approx(speed * turn + gravity, rel=0.03)
-    geometric = speed * np.tan(0.5 * some.amplitude) / (n.a + n.b)
-    assert turn == pytest.approx(geometric, rel=0.25)
+    assert turn == pytest.approx(speed * np.tan(0.5 * some.amplitude) / (n.a + n.b), rel=0.25)
     lean = n.ms * n.h * speed * turn / (n.kphi - n.ms * 9.81 * n.h)
     assert np.mean(x["phi"][end]) == pytest.approx(lean, rel=0.35)
 
-
-@pytest.mark.parametrize("name", ENGINES)
-def test_right_mirrors_left(name: str) -> None:
-    left, right = turned(name), turned(name, -1.0)
     for c in ("r", "p", "ay", "vy", "phi"):
-        assert np.allclose(left[c], -right[c], atol=2e-3 * np.max(np.abs(left[c]))), c
-    assert np.allclose(left["speed"], right["speed"], atol=1e-3)
+        assert np.allclose(x[c], -right[c], atol=2e-3 * np.max(np.abs(x[c]))), c
+    assert np.allclose(x["speed"], right["speed"], atol=1e-3)
 
 
 @pytest.mark.parametrize("name", ENGINES)
@@ -95,6 +84,8 @@ def test_a_size_of_zero_changes_nothing_and_the_imu_moves_with_a_rigid_body(name
     wanted = 0.1 * np.gradient(plain["r"], DT)[begin]
     gap = (moved["ay"] - plain["ay"])[begin]
     assert np.std(gap - wanted) < 0.15 * np.std(wanted)
+    assert {law.effect for law in used(name).outside} <= set(used(name).places)
+    assert used(name).name == name
 
 
 @pytest.mark.slow
@@ -139,12 +130,6 @@ def test_the_tool_reads_a_run_of_each_engine(name: str) -> None:
     inside = slice(round(drive.begin / DT), round(drive.end / DT))
     for c, low, high in (("r", 0.004, 0.04), ("ay", 0.07, 0.5), ("p", 0.008, 0.08)):
         assert low < np.std((noisy[c] - plain[c])[inside]) < high, c
-
-
-@pytest.mark.parametrize("name", ENGINES)
-def test_every_effect_outside_has_a_place(name: str) -> None:
-    assert {law.effect for law in used(name).outside} <= set(used(name).places)
-    assert import_module(MODULES[name][0]).ENGINE.name == name
 
 
 def said(*findings: tuple[str, float], share: float = 0.8) -> dict[str, Any]:

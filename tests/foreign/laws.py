@@ -28,6 +28,11 @@ def a_sign(rng: Generator) -> dict[str, float]:
     return {"sign": float(rng.choice([-1.0, 1.0]))}
 
 
+def uniform(**ranges: tuple[float, float]) -> Callable[[Generator], dict[str, float]]:
+    """Draws each number between its bounds."""
+    return lambda rng: {name: float(rng.uniform(*bounds)) for name, bounds in ranges.items()}
+
+
 def size_itself(_rover: Rover, size: float) -> float:
     """The value of a law whose size is its value."""
     return size
@@ -78,6 +83,11 @@ def numbers(name: str, signed: bool = False, **others: float) -> Applied:
     return lambda rover, size, extras: rover.of(**{name: extras["sign"] * size if signed else size, **others})
 
 
+def valued(name: str, value: Callable[[Rover, float], float], **others: float) -> Applied:
+    """The value of a size as a number of the rover, others as they are."""
+    return lambda rover, size, _extras: rover.of(**{name: value(rover, size), **others})
+
+
 def instruments(name: str, about: float = 0.0, signed: bool = False, **others: Any) -> Applied:
     """The size (with a drawn sign) as a number of the instruments, from `about`; others as they are."""
     return lambda rover, size, extras: rover.sensing(
@@ -92,21 +102,9 @@ def _angle(rover: Rover, size: float) -> float:
     return size * rover.amplitude
 
 
-def _by_amplitude(name: str, form: float) -> Applied:
-    """For a law whose field is a share of the large amplitude."""
-
-    def apply(rover: Rover, size: float, _extras: Extras) -> Rover:
-        return rover.of(**{name: size * rover.amplitude, f"{name}_form": form})
-
-    return apply
-
-
 def _curve(form: float) -> Applied:
-    def apply(rover: Rover, size: float, _extras: Extras) -> Rover:
-        loss = size / rover.amplitude**2 if form != 2.0 else size / (0.3 * rover.amplitude)
-        return rover.of(curve=loss, curve_form=form)
-
-    return apply
+    loss = _cubic_value if form != 2.0 else lambda rover, size: size / (0.3 * rover.amplitude)
+    return valued("curve", loss, curve_form=form)
 
 
 def _cubic_value(rover: Rover, size: float) -> float:
@@ -121,33 +119,15 @@ def _asymmetry(form: float) -> Applied:
     return apply
 
 
-def _compliance(form: float) -> Applied:
-    def apply(rover: Rover, size: float, _extras: Extras) -> Rover:
-        return rover.of(compliance=_per_newton(rover, size), compliance_form=form)
-
-    return apply
-
-
-def _per_newton(rover: Rover, size: float) -> float:
-    """Angle per front side force: the share `size` of the large amplitude is lost at its side force."""
+def per_newton(rover: Rover, size: float) -> float:
+    """Angle per front side force [rad/N]: the share `size` of the large amplitude is lost at its force."""
     n = rover.numbers
     return size * rover.amplitude / (n.m * peak_ay(rover) * n.b / (n.a + n.b))
-
-
-def _first_order(rover: Rover, size: float, _extras: Extras) -> Rover:
-    return rover.of(gain=1 / size)
 
 
 def _second_order(rover: Rover, size: float, _extras: Extras) -> Rover:
     zeta = 0.6  # lag of 2 zeta/w in all
     return rover.of(gain=1 / size, motor_lag=size / (4 * zeta * zeta))
-
-
-def _rate(form: float) -> Applied:
-    def apply(rover: Rover, size: float, _extras: Extras) -> Rover:
-        return rover.of(rate=_slowest(rover, size), rate_form=form)
-
-    return apply
 
 
 def _slowest(rover: Rover, size: float) -> float:
@@ -171,7 +151,8 @@ _LOSSES = (  # field and its forms; the first is that of the list's equation
 _CURVES = (("cubic", 0.6), ("crank", 0.25), ("exponent", 0.6), ("tanh", 0.6))
 STEERING: tuple[Law, ...] = (
     *(
-        Law(effect, form, "linkage", 0.03, 0.3, _by_amplitude(name, float(k)), "rad", _angle, own=k == 0)
+        Law(effect, form, "linkage", 0.03, 0.3, valued(name, _angle, **{f"{name}_form": k}), "rad", _angle,
+            own=k == 0)
         for effect, name, forms in _LOSSES
         for k, form in enumerate(forms)
     ),
@@ -182,33 +163,32 @@ STEERING: tuple[Law, ...] = (
     ),
     Law("steering_asymmetry", "two gains", "shape", 0.05, 0.4, _asymmetry(0.0), extras=a_sign, own=True),
     Law("steering_asymmetry", "quadratic", "shape", 0.05, 0.4, _asymmetry(1.0), extras=a_sign),
-    Law("steering_compliance", "side force", "compliance", 0.08, 0.6, _compliance(0.0), "rad/N", _per_newton,
-        own=True),
-    Law("steering_compliance", "aligning moment", "compliance", 0.08, 0.6, _compliance(1.0), "rad/N",
-        _per_newton),
+    Law("steering_compliance", "side force", "compliance", 0.08, 0.6, valued("compliance", per_newton,
+        compliance_form=0),
+        "rad/N", per_newton, own=True),
+    Law("steering_compliance", "aligning moment", "compliance", 0.08, 0.6, valued("compliance", per_newton,
+        compliance_form=1),
+        "rad/N", per_newton),
     Law("steering_trim", "constant", "trim", 0.02, 0.09, numbers("trim", True), "rad", extras=a_sign,
         own=True,
         absolute=True),
-    Law("servo_lag", "first order", "servo", 0.09, 0.17, _first_order, "s", own=True, absolute=True),
+    Law("servo_lag", "first order", "servo", 0.09, 0.17, valued("gain", lambda _, size: 1 / size), "s",
+        own=True, absolute=True),
     Law("servo_lag", "second order", "servo", 0.09, 0.14, _second_order, "s", absolute=True),
     Law("transport_delay", "delay", "servo", 0.09, 0.15, _late, "s", own=True, absolute=True),
     Law("transport_delay", "delay and frame", "servo", 0.09, 0.15, _framed, "s", absolute=True),
-    Law("servo_rate_limit", "limit", "servo", 1.05, 4.0, _rate(0.0), "rad/s", _slowest, own=True),
-    Law("servo_rate_limit", "weak motor", "servo", 1.05, 4.0, _rate(1.0), "rad/s", _slowest),
+    Law("servo_rate_limit", "limit", "servo", 1.05, 4.0, valued("rate", _slowest, rate_form=0), "rad/s",
+        _slowest, own=True),
+    Law("servo_rate_limit", "weak motor", "servo", 1.05, 4.0, valued("rate", _slowest, rate_form=1), "rad/s",
+        _slowest),
 )  # fmt: skip
 
 
 # ---- Laws of the list in tyres, body, suspension and on the ground.
 
 
-def _tyre(form: int) -> Applied:
-    def apply(rover: Rover, size: float, _extras: Extras) -> Rover:
-        return rover.of(mu=_friction(rover, size), tyre_form=form)
-
-    return apply
-
-
-def _friction(rover: Rover, size: float) -> float:
+def friction_limit(rover: Rover, size: float) -> float:
+    """Friction of tyres whose limit a steady turn at the large amplitude reaches 1/size of."""
     return peak_ay(rover) / GRAVITY / size
 
 
@@ -223,15 +203,7 @@ def _front_over_rear(_rover: Rover, size: float) -> float:
     return exp(-size)
 
 
-def _relaxing(form: float) -> Applied:
-    def apply(rover: Rover, size: float, _extras: Extras) -> Rover:
-        return rover.of(sigma=share_of_base(rover, size), sigma_form=form)
-
-    return apply
-
-
-def _heading(rng: Generator) -> dict[str, float]:
-    return {"heading": float(rng.uniform(-3.14, 3.14))}
+_heading = uniform(heading=(-3.14, 3.14))
 
 
 def _slope(rover: Rover, size: float, extras: Extras) -> Rover:
@@ -248,26 +220,17 @@ def _blowing(rng: Generator) -> dict[str, float]:
     return _heading(rng) | {"lever": float(rng.uniform(-0.1, 0.15)), "gusts": float(rng.choice([0.0, 0.2]))}
 
 
-def _dry(form: int) -> Applied:
-    def apply(rover: Rover, size: float, _extras: Extras) -> Rover:
-        return rover.of(friction=_moment(rover, size), friction_form=form)
-
-    return apply
-
-
 def _moment(rover: Rover, size: float) -> float:
     return size * rover.numbers.ms * rover.numbers.h * peak_ay(rover)
 
 
-def _damped(rover: Rover, size: float, _extras: Extras) -> Rover:
-    return rover.of(yaw_c=_damping(rover, size))
+def coupling(rover: Rover, size: float) -> float:
+    """Of the rear wheels, N per unit of slip, that damps the yaw rate by a share of what the tyres do."""
+    return 2 * size * turning_stiffness(rover) / rover.numbers.track**2
 
 
-def _locked(rover: Rover, size: float, _extras: Extras) -> Rover:
-    return rover.of(diff_c=2 * size * turning_stiffness(rover) / rover.numbers.track**2)
-
-
-def _damping(rover: Rover, size: float) -> float:
+def damping(rover: Rover, size: float) -> float:
+    """Of the yaw rate [N m s/rad], as a share of what the tyres do."""
     return size * turning_stiffness(rover) / rover.speed
 
 
@@ -301,24 +264,28 @@ _CHANGES = (
 )
 VEHICLE: tuple[Law, ...] = (
     *(
-        Law("tyre_saturation", name, "tyre", 0.3, 1.1, _tyre(k + 1), "-", _friction, own=name == "tanh")
+        Law("tyre_saturation", name, "tyre", 0.3, 1.1, valued("mu", friction_limit, tyre_form=k + 1), "-",
+            friction_limit, own=name == "tanh")
         for k, name in enumerate(_SATURATING)
     ),
     Law("load_transfer", "parabola", "tyre", 0.3, 4.0, numbers("load_k", load_form=1), own=True),
     Law("load_transfer", "sin 2 atan", "tyre", 0.5, 3.0, numbers("load_k", load_form=3)),
     Law("front_rear_stiffness", "ratio", "axles", 0.22, 0.5, _ratio, value=_front_over_rear, own=True),
-    Law("tyre_relaxation", "both axles", "tyre", 0.2, 1.5, _relaxing(0.0), "m", share_of_base, own=True),
-    Law("tyre_relaxation", "front axle", "tyre", 0.3, 2.0, _relaxing(2.0), "m", share_of_base),
+    Law("tyre_relaxation", "both axles", "tyre", 0.2, 1.5, valued("sigma", share_of_base), "m",
+        share_of_base, own=True),
+    Law("tyre_relaxation", "front axle", "tyre", 0.3, 2.0, valued("sigma", share_of_base, sigma_form=2), "m",
+        share_of_base),
     *(
-        Law("suspension_friction", form, "roll", 0.05, 0.7, _dry(k), "N m", _moment, own=k == 0)
+        Law("suspension_friction", form, "roll", 0.05, 0.7, valued("friction", _moment, friction_form=k),
+            "N m", _moment, own=k == 0)
         for k, form in enumerate(("tanh", "Stribeck", "soft"))
     ),
     Law("roll_steer", "front axle", "roll", 0.15, 1.0, numbers("roll_steer_front", True), "rad/rad",
         extras=a_sign, own=True),
     Law("roll_steer", "rear axle", "roll", 0.15, 1.0, numbers("roll_steer_rear", True), "rad/rad",
         extras=a_sign),
-    Law("yaw_damping", "moment", "yaw", 0.1, 1.2, _damped, "N m s/rad", _damping, own=True),
-    Law("yaw_damping", "locked wheels", "yaw", 0.1, 1.2, _locked, "N m s/rad", _damping),
+    Law("yaw_damping", "moment", "yaw", 0.1, 1.2, valued("yaw_c", damping), "N m s/rad", damping, own=True),
+    Law("yaw_damping", "locked wheels", "yaw", 0.1, 1.2, valued("diff_c", coupling), "N m s/rad", damping),
     Law("cross_slope", "plane", "ground", 0.025, 0.13, _slope, "rad", extras=_heading, own=True),
     Law("side_wind", "force by heading", "ground", 0.25, 1.5, _wind, "m/s^2", extras=_blowing, own=True),
     *(
