@@ -27,7 +27,7 @@ def _columns() -> list[np.ndarray]:
     return [np.eye(K)[:, [k]] for k in range(K)]
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(4))
 def test_names_the_two_that_differ(seed):
     covariance = _correlated(seed)
     noise = np.random.default_rng(100 + seed).multivariate_normal(np.zeros(K), covariance)
@@ -38,28 +38,20 @@ def test_names_the_two_that_differ(seed):
 
 def test_names_nothing_where_only_noise_differs():
     wrong = 0
-    for seed in range(60):
+    for seed in range(30):
         covariance = _correlated(seed)
         noise = np.random.default_rng(500 + seed).multivariate_normal(np.zeros(K), covariance)
         wrong += bool(fewest(Subsets(noise, covariance, _columns())))
-    assert wrong <= 2
+    assert wrong <= 1
 
 
-def test_one_direction_instead_of_two_coordinates():
+def test_one_direction_instead_of_two_coordinates_and_its_amount():
     """A number that moves two coordinates is preferred to both of them."""
     both = np.zeros((K, 1))
     both[2], both[5] = 0.5, -1.0
-    difference = 9.0 * both[:, 0]
-    candidates = [*_columns(), both]
-    assert fewest(Subsets(difference, 0.05 * np.eye(K), candidates)) == (K,)
-
-
-def test_amount_is_what_was_put_in():
-    difference = 4.0 * np.eye(K)[6]
-    subsets = Subsets(difference, 0.25 * np.eye(K), _columns())
-    amount, sd = subsets.amount(6, (6,))
-    assert amount == pytest.approx(4.0)
-    assert sd == pytest.approx(0.5)
+    assert fewest(Subsets(9.0 * both[:, 0], 0.05 * np.eye(K), [*_columns(), both])) == (K,)
+    subsets = Subsets(4.0 * np.eye(K)[6], 0.25 * np.eye(K), _columns())
+    assert subsets.amount(6, (6,)) == (pytest.approx(4.0), pytest.approx(0.5))
     assert subsets.left(()) == pytest.approx(64.0)
     assert subsets.score((6,)) == pytest.approx(PENALTY)
 
@@ -124,12 +116,9 @@ def test_a_loop_of_the_firmware_on_the_way_is_the_same_steering():
     assert pair.late == pytest.approx(0.01)
 
 
-def test_refuses_another_steering():
-    with pytest.raises(DataRefused, match="sim does not have the steering of any of the runs"):
-        pairs_by_steering([_run("one", _sweep(0.05))], [_run("sim", _sweep(0.11))])
-
-
-def test_refuses_a_run_that_was_simulated_twice():
+def test_refuses_another_steering_and_a_run_that_was_simulated_twice():
     one = _run("one", _sweep(0.05))
+    with pytest.raises(DataRefused, match="sim does not have the steering of any of the runs"):
+        pairs_by_steering([one], [_run("sim", _sweep(0.11))])
     with pytest.raises(DataRefused, match="all of them are taken"):
         pairs_by_steering([one], [_run("a", one.steer), _run("b", one.steer)])

@@ -54,24 +54,19 @@ def test_look_alikes_get_the_run_that_is_expected_to_tell_most() -> None:
         "is expected to settle it if steering_backlash or steering_deadband is true (0.6 bit expected)"
     )
     assert effects_of(ranking.asked[0]) == PAIR
+    assert step.bits == 0.6 and set(PAIR) <= set(step.odds)
+
+
+def removing(share: float | None) -> Finding:
+    return replace(PLAY, held_out=(replace(PLAY.held_out[0], share_removed=share),))
 
 
 @pytest.mark.parametrize(
     ("finding", "why"),
     [
         (replace(PLAY, probability=0.6), "the probability of steering_backlash is only 60 %"),
-        (
-            replace(
-                PLAY,
-                held_out=(replace(PLAY.held_out[0], share_removed=None),),
-                evidence={"held_out_gain": -2.0},
-            ),
-            "held-out data do not confirm steering_backlash",
-        ),
-        (
-            replace(PLAY, held_out=(replace(PLAY.held_out[0], share_removed=-0.1),)),
-            "held-out data do not confirm steering_backlash",
-        ),
+        (replace(removing(None), evidence={"held_out_gain": -2.0}), "held-out data do not confirm"),
+        (removing(-0.1), "held-out data do not confirm steering_backlash"),
     ],
 )
 def test_a_doubtful_finding_is_compared_with_its_strongest_rival(finding: Finding, why: str) -> None:
@@ -103,9 +98,6 @@ def test_nothing_missing_is_settled_when_no_bound_matters_or_no_run_tells_more()
     step = next_step(nothing_missing(servo_lag=1.8), DRIVEN, MEANS, ranking)
     assert step.action == "settled" and "no run is expected" in step.reason
     assert effects_of(ranking.asked[0]) == ("servo_lag",)
-
-
-def test_nothing_missing_goes_on_while_a_run_tells_more() -> None:
     step = next_step(nothing_missing(servo_lag=1.8), DRIVEN, MEANS, Ranking(RunValue(SLOW, 0.3)))
     assert step.run == SLOW and step.reason.endswith("tells most about servo_lag (0.3 bit expected)")
 
@@ -161,8 +153,3 @@ def test_a_run_told_as_many_bits_as_the_probabilities_moved() -> None:
     assert told(even, explained(still)) == pytest.approx(0.0)
     assert told({"steering_backlash": 0.9, "steering_deadband": 0.1}, sure) < 0.2
     assert told({}, sure) == 0.0
-
-
-def test_a_step_says_what_its_run_is_expected_to_tell() -> None:
-    step = next_step(explained(ALIKE), DRIVEN, MEANS, Ranking(TELLS))
-    assert step.bits == 0.6 and set(PAIR) <= set(step.odds)

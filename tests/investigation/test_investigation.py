@@ -21,7 +21,7 @@ from rover_sweep.api.investigation import (
     steps_before,
     write_investigation,
 )
-from rover_sweep.data.recording import Recording
+from rover_sweep.data.recording import Recording, steered
 from rover_sweep.data.vehicle_file import Vehicle, load
 from rover_sweep.diagnosis.plans.planner import PlannedRun
 from rover_sweep.errors import UsageError
@@ -35,8 +35,6 @@ def vehicle(data: Path) -> Vehicle:
 
 @pytest.fixture(scope="module")
 def recorded(data: Path, vehicle: Vehicle) -> dict[str, Recording]:
-    from rover_sweep.data.recording import steered
-
     folder = data / "ardurover-4.6.3" / "nominal"
     found = [steered(read_runs(str(folder / f"run{k}.BIN"))[0], *vehicle.steering()) for k in (1, 4)]
     return {run.kind: run for run in found}
@@ -84,6 +82,11 @@ def test_runs_that_do_not_come_to_their_end_count_and_are_not_driven_for_ever(
     decisions = list(investigation(driver, vehicle, Bounds(runs=3)))
     assert [d.step.action for d in decisions] == ["drive", "drive", "drive", "used up"]
     assert len(driver.told) == 3
+    driver = FakeDriver(recorded)
+    interrupted = investigation(driver, vehicle, Bounds())
+    next(interrupted)
+    interrupted.close()
+    assert driver.told == []
 
 
 def test_the_same_runs_are_diagnosed_once(recorded: dict[str, Recording], vehicle: Vehicle) -> None:
@@ -97,14 +100,6 @@ def test_the_same_runs_are_diagnosed_once(recorded: dict[str, Recording], vehicl
 
     list(investigation(driver, vehicle, Bounds(runs=5), diagnose))  # type: ignore[arg-type]
     assert len(driver.told) == 5 and len(asked) == 1
-
-
-def test_an_interruption_drives_nothing_more(recorded: dict[str, Recording], vehicle: Vehicle) -> None:
-    driver = FakeDriver(recorded)
-    decisions = investigation(driver, vehicle, Bounds())
-    next(decisions)
-    decisions.close()
-    assert driver.told == []
 
 
 def test_choices_keep_speed_amplitude_headings_and_ground(vehicle: Vehicle) -> None:
@@ -122,9 +117,6 @@ def test_choices_keep_speed_amplitude_headings_and_ground(vehicle: Vehicle) -> N
 def test_ground_that_is_too_small_ends_it_before_anything_is_driven(vehicle: Vehicle) -> None:
     step = decided((), vehicle, Bounds(ground=(10.0, 3.0))).step
     assert step.action == "used up" and "ground" in step.reason
-
-
-def test_a_speed_without_a_safe_amplitude_is_refused(vehicle: Vehicle) -> None:
     with pytest.raises(UsageError, match="give a smaller --speed"):
         first_sweep(vehicle, Bounds(speed=25.0))
 

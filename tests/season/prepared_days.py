@@ -11,17 +11,7 @@ from rover_sweep.comparison.common_model import of_the_rover
 from rover_sweep.data.geometry import Geometry
 from rover_sweep.season.season_result import FittedLog, MeasuredLog, season_model
 
-ROVER = Geometry(
-    mass=2.66,
-    a=0.203,
-    b=0.188,
-    sprung_mass=2.4,
-    h=0.058,
-    roll_inertia=0.0125,
-    yaw_inertia=0.071,
-    imu_x=0.0,
-    imu_z=0.0,
-)
+ROVER = Geometry(2.66, 0.203, 0.188, 2.4, 0.058, 0.0125, 0.071)
 BEGIN = date(2026, 3, 1)
 SCATTER = 0.08  # of a coordinate's scale
 Course = Callable[[int], Mapping[str, float]]  # {coordinate: what it differs by, SI units} on a day
@@ -55,17 +45,7 @@ def vehicle_logs(
         )
         measured = rows @ true + random.standard_normal(len(rows))
         fit = FittedLog(tuple(c.name for c in free), true, rows.T @ rows, rows.T @ measured, 1.0, ("run1",))
-        out.append(
-            MeasuredLog(
-                f"logs/{name}/{k}.BIN",
-                f"{name}-{k}",
-                day_name(k),
-                "GPS",
-                board(k),
-                vehicle=name,
-                vehicle_file="rover",
-                parameters=parameters(k),
-                fit=fit,
-            )
-        )
+        place = (f"logs/{name}/{k}.BIN", f"{name}-{k}", day_name(k), "GPS", board(k))
+        known = {"vehicle": name, "vehicle_file": "rover", "parameters": parameters(k)}
+        out.append(MeasuredLog(*place, fit=fit, **known))
     return out

@@ -192,12 +192,10 @@ def test_vehicle_files_of_a_fleet(tmp_path: Path) -> None:
         read_vehicle_files(tmp_path)
 
 
-def test_a_folder_without_logs(tmp_path: Path) -> None:
+def test_logs_of_a_folder(tmp_path: Path) -> None:
+    """A .tlog beside its .BIN is left out."""
     with pytest.raises(UsageError, match="holds no .BIN and no .tlog"):
         log_sources([str(tmp_path)])
-
-
-def test_a_tlog_beside_its_bin_is_left_out(tmp_path: Path) -> None:
     for name in ("1.BIN", "1.tlog", "2.tlog"):
         (tmp_path / name).touch()
     assert [Path(s).name for s in log_sources([str(tmp_path)])] == ["1.BIN", "2.tlog"]

@@ -27,18 +27,8 @@ def _difference(name: str, simulation: float, recordings: float, **more) -> Diff
     parameter, kind = more.get("parameter", name), more.get("kind", "number")
     relative = more.get("relative", False)
     change = recordings / simulation if relative else recordings - simulation
-    one, two = _value(parameter, simulation), _value(parameter, recordings)
-    return Difference(
-        kind,
-        name,
-        ByName((one,)),
-        ByName((two,)),
-        {parameter: change},
-        relative,
-        100.0,
-        (),
-        f"{name} differs",
-    )
+    one, two = (ByName((_value(parameter, v),)) for v in (simulation, recordings))
+    return Difference(kind, name, one, two, {parameter: change}, relative, 100.0, (), f"{name} differs")
 
 
 def _corrected(d: Difference, rover=NOMINAL, effects=(), x=None):
@@ -55,31 +45,19 @@ def test_a_relative_number_is_multiplied():
     assert (entry.reason, entry.unit) == ("Izz: another number", "kg m^2")
 
 
-def test_both_axles_are_multiplied_by_c():
+def test_numbers_become_entries():
     done = _corrected(_difference("C", 30.0, 33.0, relative=True)).parameters
     assert done.front_cornering_stiffness == pytest.approx(1.1 * NOMINAL.front_cornering_stiffness)
     assert done.rear_cornering_stiffness == pytest.approx(1.1 * NOMINAL.rear_cornering_stiffness)
-
-
-def test_centre_of_mass_keeps_the_wheelbase():
     done = _corrected(_difference("cg_to_front_axle", 0.20, 0.21)).parameters
     assert done.cg_to_front_axle == pytest.approx(NOMINAL.cg_to_front_axle + 0.01)
     whole = NOMINAL.cg_to_front_axle + NOMINAL.cg_to_rear_axle
-    assert done.cg_to_front_axle + done.cg_to_rear_axle == pytest.approx(whole)
-
-
-def test_a_lag_is_never_negative():
-    done = _corrected(_difference("servo_lag", 0.05, 0.0)).parameters
-    assert done.servo_lag == 0.0
-
-
-def test_the_imu_moves_up_against_the_plants_axis():
+    assert done.cg_to_front_axle + done.cg_to_rear_axle == pytest.approx(whole), "the wheelbase is kept"
+    assert _corrected(_difference("servo_lag", 0.05, 0.0)).parameters.servo_lag == 0.0  # never negative
     done = _corrected(_difference("imu_z", 0.0, 0.01, kind="instrument")).parameters
-    assert done.imu_position[2] == pytest.approx(NOMINAL.imu_position[2] - 0.01)
-
-
-def test_a_more_bent_tyre_has_less_friction():
-    assert _corrected(_difference("tyre_bend", 0.0, 3.0)).parameters.friction < NOMINAL.friction
+    assert done.imu_position[2] == pytest.approx(
+        NOMINAL.imu_position[2] - 0.01
+    )  # up, against the plant's axis
 
 
 def test_a_bend_changes_by_the_ratio_of_what_shows_of_it():
@@ -97,11 +75,14 @@ def test_a_friction_has_the_interval_of_its_bend():
     assert low < shown < high < 1.3 * low
 
 
-def test_physics_that_was_left_out_is_added():
+def test_physics_that_was_left_out_is_added_and_what_is_too_much_is_removed():
     d = _difference("tyre_relaxation", 0.001, 0.2, kind="left out", parameter="sigma")
     done = _corrected(d, effects=("tyre_relaxation",), x={"tyre_relaxation.sigma": 0.2})
     assert done.parameters.effects["tyre_relaxation"]["sigma"] == pytest.approx(0.2)
     assert done.corrections[0].before == ""
+    rover = replace(NOMINAL, effects={"steering_backlash": {"b": 0.01}})
+    d = _difference("steering_backlash", 0.01, 0.0001, kind="too much", parameter="b")
+    assert _corrected(d, rover).parameters.effects == {}
 
 
 def test_an_effect_that_no_diagnosis_named_is_added_as_found():
@@ -111,37 +92,29 @@ def test_an_effect_that_no_diagnosis_named_is_added_as_found():
     assert not _corrected(other).corrections
 
 
-def test_physics_too_much_is_removed():
-    rover = replace(NOMINAL, effects={"steering_backlash": {"b": 0.01}})
-    d = _difference("steering_backlash", 0.01, 0.0001, kind="too much", parameter="b")
-    assert _corrected(d, rover).parameters.effects == {}
-
-
-def test_an_effect_of_another_size_moves_by_the_difference():
+@pytest.mark.parametrize(
+    ("effect", "parameter", "own", "simulation", "recordings", "expected"),
+    [
+        ("tyre_relaxation", "sigma", 0.10, 0.12, 0.22, 0.20),
+        ("servo_rate_limit", "R", 2.0, 2.2, 1.5, 1.0 / (1 / 2.0 + 1 / 1.5 - 1 / 2.2)),  # by its inverse
+    ],
+)
+def test_an_effect_of_another_size_moves_by_the_difference(
+    effect, parameter, own, simulation, recordings, expected
+):
     """The simulation's own value moves, so that a bias of the common model cancels."""
-    rover = replace(NOMINAL, effects={"tyre_relaxation": {"sigma": 0.10}})
-    d = _difference("tyre_relaxation", 0.12, 0.22, kind="size", parameter="sigma")
-    assert _corrected(d, rover).parameters.effects["tyre_relaxation"]["sigma"] == pytest.approx(0.20)
+    rover = replace(NOMINAL, effects={effect: {parameter: own}})
+    d = _difference(effect, simulation, recordings, kind="size", parameter=parameter)
+    assert _corrected(d, rover).parameters.effects[effect][parameter] == pytest.approx(expected)
 
 
-def test_a_limit_moves_by_its_inverse():
-    rover = replace(NOMINAL, effects={"servo_rate_limit": {"R": 2.0}})
-    d = _difference("servo_rate_limit", 2.2, 1.5, kind="size", parameter="R")
-    expected = 1.0 / (1 / 2.0 + 1 / 1.5 - 1 / 2.2)
-    assert _corrected(d, rover).parameters.effects["servo_rate_limit"]["R"] == pytest.approx(expected)
-
-
-def test_what_the_rover_cannot_have_is_said():
+def test_what_the_rover_cannot_have_is_said_and_left():
     done = _corrected(_difference("vy_gain", 0.0, 0.2, kind="instrument"))
     assert not done.corrections
     assert "cannot have a wrong scale of the estimator's V_y" in done.left[0]
-
-
-def test_an_impossible_number_is_said_and_left():
-    done = _corrected(_difference("k_phi", 10.0, 0.1, relative=True))
-    assert not done.corrections
-    assert done.parameters == NOMINAL
-    assert done.left
+    impossible = _corrected(_difference("k_phi", 10.0, 0.1, relative=True))
+    assert not impossible.corrections and impossible.left
+    assert impossible.parameters == NOMINAL
 
 
 def test_the_variant_file_gives_the_same_rover(tmp_path):
