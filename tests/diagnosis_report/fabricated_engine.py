@@ -43,13 +43,8 @@ class Engine:
         stop: Any = None,
         groups: Any = None,
     ) -> Diagnosis:
-        self.given = {
-            "runs": runs,
-            "rover": rover,
-            "settings": settings,
-            "held_out": held_out,
-            "simulated": simulated,
-        }
+        self.given = {"runs": runs, "rover": rover, "settings": settings}
+        self.given |= {"held_out": held_out, "simulated": simulated}
         if progress:
             progress("scoring the candidates", 0.5)
         self.before(stop)
@@ -69,14 +64,7 @@ class Engine:
         progress: Any = None,
         settled: Any = None,
     ) -> Plan:
-        self.given = {
-            "runs": runs,
-            "rover": rover,
-            "rad_per_us": rad_per_us,
-            "limits": limits,
-            "wanted": wanted,
-            "spread": spread,
-            "driven": driven,
-        }
+        self.given = {"runs": runs, "rover": rover, "rad_per_us": rad_per_us, "limits": limits}
+        self.given |= {"wanted": wanted, "spread": spread, "driven": driven}
         progress("simulating a sweep", 0.5)
         return self.plan

@@ -127,20 +127,19 @@ def test_the_plan_is_this_text() -> None:
     assert shown(plan_report(PLAN)) == EXPECTED_PLAN
 
 
-@pytest.mark.parametrize(
-    ("text", "shown_as"),
-    [
-        ("play in the steering", "Play in the steering."),
-        ("a_y differs", "a_y differs."),
-        ("r lags!", "r lags!"),
-        ("run1 has no p", "run1 has no p."),
-        ("a lag", "A lag."),
-        ("C is 3", "C is 3."),
-        ("", ""),
-    ],
-)
-def test_a_sentence_begins_large_unless_it_begins_with_a_name(text: str, shown_as: str) -> None:
-    assert sentence(text) == shown_as
+SENTENCES = {
+    "play in the steering": "Play in the steering.",
+    "a_y differs": "a_y differs.",
+    "r lags!": "r lags!",
+    "run1 has no p": "run1 has no p.",
+    "a lag": "A lag.",
+    "C is 3": "C is 3.",
+    "": "",
+}
+
+
+def test_a_sentence_begins_large_unless_it_begins_with_a_name() -> None:
+    assert {text: sentence(text) for text in SENTENCES} == SENTENCES
 
 
 @pytest.mark.parametrize("verdict", ALL)
