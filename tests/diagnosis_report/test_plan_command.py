@@ -19,17 +19,9 @@ RunProgram = Callable[..., ProgramResult]
 
 def test_runs_thought_of_are_asked_about(engine: Engine, run_program: RunProgram) -> None:
     sweeps = ("--sweep", "150@2.4", "--sweep", "150@2.4", "--sweep", "240@2.4@450")
-    others = [
-        "--doublet",
-        "150@1.6",
-        "--bias-sweep",
-        "100-150@2.4",
-        "--multisine",
-        "200@2",
-        "--servo-test",
-        "90",
-    ]
-    code, out, _ = run_program("plan", *VEHICLE, *sweeps, *others.split())
+    others = {"--doublet": "150@1.6", "--bias-sweep": "100-150@2.4", "--multisine": "200@2"}
+    more = [word for pair in others.items() for word in pair]
+    code, out, _ = run_program("plan", *VEHICLE, *sweeps, *more, "--servo-test", "90")
     assert code == 0 and out.startswith("These runs cannot tell tyre relaxation from a delay")
     assert engine.given["runs"] == (
         PlannedRun("sweep", 150.0, 2.4, repeat=2),

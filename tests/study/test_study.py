@@ -4,7 +4,6 @@ import json
 import re
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,7 +14,6 @@ from rover_sweep.data.vehicle_file import MODELS
 from rover_sweep.manoeuvre.sweep import Doublet
 from rover_sweep.report.wording import strict_json
 from rover_sweep.study import findings, published
-from rover_sweep.study import findings as parameter_findings
 from rover_sweep.study.published import Firmware, virtual_drive
 from rover_sweep.study.study_folder import all_findings, outcome_counts, study_document
 from rover_sweep.study.virtual_study import Study, drive_all, tables
@@ -23,28 +21,23 @@ from sitl.plant.variant import load_variant
 
 
 @pytest.mark.parametrize("model", MODELS)
-def test_averages_of_table_5_are_those_of_their_columns(model: str) -> None:
+def test_printed_averages_are_those_of_their_columns_and_bounds_are_twice_the_insensitivity(
+    model: str,
+) -> None:
+    """CR/I >= 2 by equations (13) and (14)."""
     column = {o: j for o, j in published.COSTS[model].items() if o != "average"}
     assert np.mean(list(column.values())) == pytest.approx(published.COSTS[model]["average"], abs=0.06)
     assert ("p" in column) == (model != "bicycle")
-
-
-@pytest.mark.parametrize("model", MODELS)
-def test_every_printed_bound_is_at_least_twice_its_insensitivity(model: str) -> None:
-    """CR/I >= 2 by equations (13) and (14)."""
     free = [p for p in published.PARAMETERS[model].values() if p.free]
     assert free and all(p.cr >= 2 * p.insensitivity for p in free)  # type: ignore[operator]
 
 
-def test_table_4_has_fifteen_derivatives_and_a_delay_five_of_them_zero() -> None:
+def test_table_4_has_fifteen_derivatives_and_a_delay_and_tables_6_and_7_nine_checks() -> None:
     rows = published.PARAMETERS["lumped"]
     assert len(rows) == 16
     assert {n for n, p in rows.items() if not p.free} == {"Y_v", "Y_r", "Y_phi", "L_v", "L_phi"}
-
-
-def test_tables_6_and_7_lie_within_their_definition() -> None:
-    rows = [v for check in published.VERIFICATION.values() for v in check.values()]
-    assert len(rows) == 9 and all(0 < v.tic < 1 and v.j_rms > 0 for v in rows)
+    checks = [v for check in published.VERIFICATION.values() for v in check.values()]
+    assert len(checks) == 9 and all(0 < v.tic < 1 and v.j_rms > 0 for v in checks)
 
 
 # ---- A run of the virtual rover: axes, rates, filters, the wave, repeatability.
@@ -132,9 +125,7 @@ def test_the_lumped_model_does_not_carry_to_another_speed_and_the_roll_yaw_does(
         assert nominal["lumped"] < 0.1
         assert fast["lumped"] > 0.25 > 2 * fast["roll-yaw"]
     assert findings.fast(done).outcome == "came out"
-
-
-def test_v_in_the_kinematic_term_alone_is_the_cause(done: Study) -> None:
+    # its cause is V in the kinematic term alone
     assert done.counterfactuals.frozen.tic > 2 * done.known.check("roll-yaw", "fast").tic
 
 
@@ -154,13 +145,10 @@ def test_known_filters_and_no_estimator_velocity_give_the_rover_back(done: Study
     assert fit["C"].value == pytest.approx((true["Cf"] + true["Cr"]) / 2, rel=0.04)
 
 
-def test_the_estimators_lag_is_what_moves_izz(done: Study) -> None:
+def test_the_estimators_lag_is_what_moves_izz_and_every_model_is_stable(done: Study) -> None:
     true = done.truth.values["Izz"]
     assert done.known.fit("roll-yaw")["Izz"].value < 0.85 * true
     assert done.counterfactuals.prompt["Izz"].value == pytest.approx(true, rel=0.1)
-
-
-def test_every_model_is_stable_where_it_was_fitted(done: Study) -> None:
     for practice in done.practices.values():
         for model in ("bicycle", "roll-yaw", "lumped"):
             assert practice.fit(model).structure.poles(practice.group.speed).real.max() < 1e-3
@@ -174,14 +162,11 @@ def test_outcomes_follow_the_numbers(done: Study) -> None:
     assert findings.fast(swapped(done, "lumped", "roll-yaw")).outcome == "did not come out"
 
 
-def test_words_carry_the_numbers_they_are_about(done: Study) -> None:
+def test_words_carry_the_numbers_they_are_about_and_the_summary_counts(done: Study) -> None:
     paper, known = (p.fit("roll-yaw")["tau"].value for p in (done.paper, done.known))
-    text = parameter_findings.delays(done).text
+    text = findings.delays(done).text
     assert f"roll-yaw {1000 * paper:.0f} ms" in text and f"roll-yaw {1000 * known:.0f} ms" in text
     assert f"{done.paper.fit('lumped').average:.1f}" in findings.cost_order(done).text
-
-
-def test_the_summary_counts(done: Study) -> None:
     found = all_findings(done)
     assert len({f.key for f in found}) == len(found)
     assert outcome_counts(found).startswith(f"{sum(f.outcome == 'came out' for f in found)} of {len(found)} ")
@@ -191,27 +176,26 @@ def test_the_summary_counts(done: Study) -> None:
 
 
 @pytest.fixture(scope="module")
-def written(done: Study, tmp_path_factory: pytest.TempPathFactory) -> SimpleNamespace:
-    """The command on a study that is already there: its folder and exit code."""
+def written(done: Study, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of the command on a study that is already there."""
     folder = tmp_path_factory.mktemp("study")
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("rover_sweep.study.virtual_study.study", lambda seed, progress: done)
-        code = command(["study", "--out", str(folder)])
-    return SimpleNamespace(folder=folder, code=code)
+        assert command(["study", "--out", str(folder)]) == 0
+    return folder
 
 
-def test_the_command_writes_page_document_and_the_papers_figures(written: SimpleNamespace) -> None:
-    assert written.code == 0
-    figures = {path.name for path in (written.folder / "figures").iterdir()}
+def test_the_command_writes_page_document_and_the_papers_figures(written: Path) -> None:
+    figures = {path.name for path in (written / "figures").iterdir()}
     names = ("2", "3", "6", "6-filters-known", "7", "8a", "8b")
     assert figures == {f"figure-{n}.svg" for n in names}
-    document = json.loads((written.folder / "study.json").read_text())
+    document = json.loads((written / "study.json").read_text())
     assert set(document["practices"]) == {"paper", "known", "default"}
     assert document["findings"]["fast"]["outcome"] == "came out"
 
 
-def test_the_page_needs_nothing_else(written: SimpleNamespace, done: Study) -> None:
-    page = (written.folder / "study.html").read_text()
+def test_the_page_needs_nothing_else(written: Path, done: Study) -> None:
+    page = (written / "study.html").read_text()
     sources = re.findall(r'(?:src|href)="([^"]{0,40})', page)
     assert sources and all(s.startswith("#") and f'id="{s[1:]}"' in page for s in sources)
     assert page.count("<figure data-chart>") == 7
