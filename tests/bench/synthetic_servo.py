@@ -27,14 +27,9 @@ FINE = 5  # steps of the servo in a sample
 
 
 def rover(
-    b: float = 0.0,
-    e: float = 0.0,
-    c3: float = 0.0,
-    w: float = 0.0,
-    lag: float = 0.022,
-    rate: float = 8.0,
+    b: float = 0.0, e: float = 0.0, c3: float = 0.0, w: float = 0.0, lag: float = 0.022, rate: float = 8.0,
     trim: float = 1500.0,
-) -> PlantParameters:
+) -> PlantParameters:  # fmt: skip
     """The nominal rover with these effects of the steering."""
     effects = {
         "steering_backlash": {"b": b},

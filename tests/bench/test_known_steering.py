@@ -67,13 +67,9 @@ def test_a_linear_servo_driven_by_it_turns_the_wheels_as_the_real_one():
     rng = np.random.default_rng(4)
     t = np.append(0.0, np.cumsum(rng.uniform(0.008, 0.014, 900)))
     pwm = 1500 + np.round(200 * np.sin(2 * np.pi * (0.3 * t + 0.15 * t**2)))
-    rover = replace(
-        load_variant("nominal"),
-        servo_lag=0.035,
-        servo_rate_limit=2.0,
-        servo_delay=0.0,
-        effects={"steering_backlash": {"b": 0.012}},
-    )
+    play = {"steering_backlash": {"b": 0.012}}
+    numbers = {"servo_lag": 0.035, "servo_rate_limit": 2.0, "servo_delay": 0.0}
+    rover = replace(load_variant("nominal"), effects=play, **numbers)
     command = Signal(t, -(pwm - 1500) * rover.rad_per_us, "rad", hold=True)
     asked = behind_servo(command, 0.035, 1 / 2.0, 0.012)
     real = Servo(rover)
@@ -99,13 +95,9 @@ def _turned(servo: Servo, t: np.ndarray, pwm: np.ndarray, at: np.ndarray) -> lis
 
 def test_what_is_known_is_no_candidate_and_what_is_not_stays_one():
     """Settled where what the measurement leaves open is less than what would count as a finding."""
-    vehicle = replace(
-        load(ROVER),
-        backlash=Measured(0.01, 0.0002),
-        asymmetry=Measured(0.05, 0.2),
-        servo_rate_limit=Measured(3.0, 0.1),
-        deadband=Measured(0.001),
-    )
+    some = {"backlash": Measured(0.01, 0.0002), "asymmetry": Measured(0.05, 0.2)}
+    more = {"servo_rate_limit": Measured(3.0, 0.1), "deadband": Measured(0.001)}
+    vehicle = replace(load(ROVER), **some, **more)
     found = known(vehicle, Tolerances())
     assert set(found.settled) == {"steering_backlash", "servo_rate_limit"}
     assert "0.01 ± 0.0002 rad" in found.settled["steering_backlash"]
@@ -160,11 +152,8 @@ def test_a_plan_no_longer_asks_for_what_the_bench_settled(monkeypatch: pytest.Mo
     runs = [PlannedRun("sweep", 120.0, 2.4)]
     for rover, wanted in ((vehicle, ()), (benched, ()), (benched, ("steering_backlash",))):
         plan_runs(runs, rover, wanted, progress=lambda what, share: None)
-    assert [set(given[-1]) for given in asked] == [
-        set(),
-        {"steering_backlash", "steering_deadband"},
-        {"steering_deadband"},
-    ]
+    both = {"steering_backlash", "steering_deadband"}
+    assert [set(given[-1]) for given in asked] == [set(), both, {"steering_deadband"}]
     _, rover, scale, _, wanted, spread, driven, progress, settled = asked[1]
     plain, planner = (Planner(rover, scale, wanted, spread, driven, progress, s) for s in ({}, settled))
     assert set(plain.asked) - set(planner.asked) == set(settled)

@@ -1,4 +1,4 @@
-"""`python -m tests.diagnosis.healthy`: healthy rovers of three sizes, diagnosed; nothing may be named.
+"""Healthy rovers of three sizes, diagnosed: nothing may be named.
 
 The simulated rover of `sitl`, as delivered and 1.6 and 2.6 times as long, each with other tyres, springs,
 servo and noise, drives two default sweeps and a doublet with the steering and speed of committed recordings.
@@ -7,11 +7,8 @@ Its owner has measured it without an error.
 
 from __future__ import annotations
 
-import argparse
 import tempfile
-import time
 from collections.abc import Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -37,16 +34,13 @@ TRUE = {
 class Examined:
     """A healthy rover's diagnosis. inside: {parameter: the printed interval holds the truth}."""
 
-    seed: int
-    length: float
     verdict: str
     names: tuple[str, ...]
     inside: dict[str, bool]
-    seconds: float
 
 
-def healthy_rover(seed: int) -> tuple[float, PlantParameters]:
-    """(times the nominal length, the rover): alike in shape, density and gravity, then varied."""
+def healthy_rover(seed: int) -> PlantParameters:
+    """Of one of LENGTHS: alike in shape, density and gravity, then varied."""
     random = np.random.default_rng(seed)
     s = LENGTHS[seed % len(LENGTHS)]
     rover = load_variant("nominal")
@@ -60,21 +54,15 @@ def healthy_rover(seed: int) -> tuple[float, PlantParameters]:
     large = {name: getattr(rover, name) * s**power for power, names in powers.items() for name in names}
     large |= {name: getattr(rover, name) * s**3 for name in ("drive_force_limit", "road_force")}
     large["imu_position"] = tuple(s * x for x in rover.imu_position)
-    rover = replace(rover, **large)
-    return s, varied(rover, random)
+    return varied(replace(rover, **large), random)
 
 
 def exact_vehicle_file(rover: PlantParameters) -> str:
     """The rover's own numbers as a vehicle file."""
     measured = (
-        "mass",
-        "sprung_mass",
-        "cg_to_front_axle",
-        "cg_to_rear_axle",
-        "cg_height_above_roll_centre",
-        "roll_inertia",
-        "yaw_inertia",
-    )
+        "mass", "sprung_mass", "cg_to_front_axle", "cg_to_rear_axle", "cg_height_above_roll_centre",
+        "roll_inertia", "yaw_inertia",
+    )  # fmt: skip
     lines = ["[vehicle]", 'name = "healthy"', *(f"{name} = {getattr(rover, name)!r}" for name in measured)]
     lines += ["[steering]", f"trim_us = {rover.steering_trim_us}", f"rad_per_us = {rover.rad_per_us!r}"]
     return "\n".join([*lines, "[imu]", f"position = {list(rover.imu_position)}", ""])
@@ -82,13 +70,12 @@ def exact_vehicle_file(rover: PlantParameters) -> str:
 
 def examined(seed: int, runs: Sequence[Path] = RUNS) -> Examined:
     """One rover, driven and diagnosed; the last run is held out."""
-    length, rover = healthy_rover(seed)
+    rover = healthy_rover(seed)
     with tempfile.TemporaryDirectory() as folder:
         logs = drive(rover, runs, Path(folder) / "runs", 1000 * seed)
         vehicle = Path(folder) / "rover.toml"
         vehicle.write_text(exact_vehicle_file(rover))
         used, held_out = (rs.read(*map(str, some), vehicle=vehicle) for some in (logs[:-1], logs[-1:]))
-        started = time.monotonic()
         found = rs.diagnose(used, held_out)
     true = {name: getattr(rover, field) for name, field in TRUE.items()}
     inside = {
@@ -96,30 +83,4 @@ def examined(seed: int, runs: Sequence[Path] = RUNS) -> Examined:
         for name, v in found.parameters.items()
         if name in true
     }
-    names = tuple(f.effect for f in found.findings)
-    return Examined(seed, length, found.verdict, names, inside, time.monotonic() - started)
-
-
-def main() -> None:
-    parser = argparse.ArgumentParser(prog="python -m tests.diagnosis.healthy", description=__doc__)
-    parser.add_argument("--rovers", type=int, default=20)
-    parser.add_argument("--first", type=int, default=0, help="seed of the first rover")
-    parser.add_argument("--jobs", type=int, default=1)
-    args = parser.parse_args()
-    every = []
-    with ProcessPoolExecutor(args.jobs) as pool:
-        for one in pool.map(examined, range(args.first, args.first + args.rovers)):
-            every.append(one)
-            missed = [name for name, inside in one.inside.items() if not inside]
-            print(
-                f"{one.seed:4d} {one.length:.1f} {one.verdict}: {', '.join(one.names) or '-'}"
-                f"  outside their intervals: {', '.join(missed) or '-'}  {one.seconds:.0f} s",
-                flush=True,
-            )
-    print(f"named {sum(bool(one.names) for one in every)} of {len(every)}")
-    for name in TRUE:
-        print(f"{name} inside {sum(one.inside[name] for one in every)} of {len(every)}")
-
-
-if __name__ == "__main__":
-    main()
+    return Examined(found.verdict, tuple(f.effect for f in found.findings), inside)

@@ -30,8 +30,7 @@ def test_nothing_is_named_on_a_healthy_rover() -> None:
 @pytest.mark.slow
 def test_at_most_one_of_twenty_healthy_rovers_gets_a_name() -> None:
     every = [examined(seed) for seed in range(100, 120)]
-    named = {one.seed: one.names for one in every if one.names}
-    assert len(named) <= 1, named
+    assert sum(bool(one.names) for one in every) <= 1, [one.names for one in every]
     for name in every[0].inside:
         assert sum(one.inside[name] for one in every) >= 16, name
 

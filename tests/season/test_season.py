@@ -6,7 +6,7 @@ import json
 import os
 import random
 from dataclasses import replace
-from datetime import date
+from datetime import UTC, date, datetime, timedelta
 from pathlib import Path
 
 import pytest
@@ -22,9 +22,8 @@ from rover_sweep.season.season_result import (
     days_of,
     from_document,
 )
-from sitl.flash_log.dataflash_writer import DataFlashWriter
+from sitl.flash_log.dataflash_writer import HEAD, DataFlashWriter, encoded
 from sitl.flash_log.formats import FORMATS
-from tests.season.drawn_fleet import gps_message
 from tests.season.prepared_days import ROVER, Course, day_name, vehicle_logs
 
 DAYS = 9
@@ -197,6 +196,17 @@ def flash(path: Path) -> Path:
     with path.open("wb") as file:
         DataFlashWriter(file, FORMATS)
     return path
+
+
+def gps_message(t: float, day: date) -> bytes:
+    """A GPS message with the date at noon."""
+    since = datetime(day.year, day.month, day.day, 12, tzinfo=UTC) - datetime(1980, 1, 6, tzinfo=UTC)
+    week, rest = divmod(since, timedelta(weeks=1))
+    fmt = FORMATS["GPS"]
+    values = (round(t * 1e6), 0, 3, round(rest.total_seconds() * 1000), week, 12, 0.8)
+    values += (-35.36, 149.16, 584.0, 0.0, 0.0, 0.0, 0.0, 0)
+    packed = fmt.packer.pack(*(encoded(c, v) for c, v in zip(fmt.codes, values, strict=True)))
+    return HEAD + bytes([fmt.type]) + packed
 
 
 def test_the_day_is_that_of_gps_then_of_the_name_then_of_the_file(tmp_path: Path) -> None:
