@@ -59,16 +59,16 @@ def judged(paths: Sequence[Path]) -> SpeedLoss:
 
 
 def driven(folder: Path, seed: int, **effects: dict[str, float]) -> SpeedLoss:
-    """The nominal rover with these effects, driven like two recorded sweeps."""
+    """The nominal rover with these effects, driven like a recorded sweep."""
     rover = replace(load_variant("nominal"), effects=effects)
-    return judged(drive(rover, RUNS[:2], folder / "set", seed))
+    return judged(drive(rover, RUNS[1:2], folder / "set", seed))
 
 
 def test_a_loss_beyond_the_wheels_own_is_found_and_sized(tmp_path: Path) -> None:
     """The driver's throttle makes good a part of it, so less than D is seen."""
     found = driven(tmp_path, 1, speed_variation={"D": 0.1})
     assert found.found
-    assert 0.04 < found.low < found.loss < found.high < 0.1
+    assert 0.03 < found.low < found.loss < found.high < 0.1
 
 
 @pytest.mark.slow

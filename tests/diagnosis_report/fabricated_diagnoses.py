@@ -92,15 +92,9 @@ UNSEEN = (
     Unseen("cross_slope", "the runs have one heading"),
 )
 SCORES = {
-    "steering_backlash": 412.0,
-    "steering_deadband": 391.0,
-    "servo_lag": 88.0,
-    "transport_delay": 84.0,
-    "tyre_relaxation": 55.0,
-    "tyre_saturation": 3.1,
-    "imu_offset": 1.2,
-    "cross_slope": 0.0,
-}
+    "steering_backlash": 412.0, "steering_deadband": 391.0, "servo_lag": 88.0, "transport_delay": 84.0,
+    "tyre_relaxation": 55.0, "tyre_saturation": 3.1, "imu_offset": 1.2, "cross_slope": 0.0,
+}  # fmt: skip
 EXPLAINED = Diagnosis(
     verdict="explained",
     sentence="play in the steering of half a gap b = 0.0083 rad explains what the roll-yaw model misses",
@@ -122,20 +116,14 @@ EXPLAINED = Diagnosis(
     runs=("run1", "run2", "run3"),
     held_out_runs=("run4", "run5"),
 )
+KEPT = "the roll rate keeps 2.4 noise floors that the roll state predicts"
 PARTLY = Diagnosis(
     verdict="partly explained",
     sentence="play in the steering and tyre relaxation explain most of it, something in p remains",
     baseline="roll-yaw",
     mismatch=MISMATCHES[:2],
     findings=(BACKLASH, RELAXATION),
-    unknown=Unknown(
-        "p",
-        "phi and p",
-        2.4,
-        "the roll rate keeps 2.4 noise floors that the roll state predicts",
-        "-0.31 phi^3",
-        0.62,
-    ),
+    unknown=Unknown("p", "phi and p", 2.4, KEPT, "-0.31 phi^3", 0.62),
     scores=SCORES,
     overlays=OVERLAYS[:3],
     held_out=(HeldOut("run4", Fit(4.21, 0.213), Fit(1.01, 0.055), 0.89),),
@@ -143,42 +131,24 @@ PARTLY = Diagnosis(
     runs=("run1", "run2", "run3"),
     held_out_runs=("run4",),
 )
+CURVE = LawCurve(
+    "yaw moment", ("side force rear",), "r", "rad/s", "N m", (-1.0, 0.0, 1.0),
+    (0.7, 0.0, -0.7), (0.6, 0.0, -0.8), (0.8, 0.0, -0.6), 5120.0,
+)  # fmt: skip
 UNEXPLAINED = Diagnosis(
     verdict="unexplained",
     sentence="the yaw rate has a residual of 5 noise floors that no candidate explains",
     baseline="bicycle",
     mismatch=MISMATCHES[:1],
     unknown=Unknown(
-        "r",
-        "r and V",
-        5.0,
-        "the residual of r follows r |r|",
-        "yaw moment ~ r",
-        0.94,
-        "yaw moment",
-        ("side force rear",),
-        (
-            LawCurve(
-                "yaw moment",
-                ("side force rear",),
-                "r",
-                "rad/s",
-                "N m",
-                (-1.0, 0.0, 1.0),
-                (0.7, 0.0, -0.7),
-                (0.6, 0.0, -0.8),
-                (0.8, 0.0, -0.6),
-                5120.0,
-            ),
-        ),
-        (LawHeldOut("run4", 4.6, 1.2, 0.056),),
-        "a locked differential",
+        "r", "r and V", 5.0, "the residual of r follows r |r|", "yaw moment ~ r", 0.94, "yaw moment",
+        ("side force rear",), (CURVE,), (LawHeldOut("run4", 4.6, 1.2, 0.056),), "a locked differential",
         "drive steady turns",
     ),
     scores={e: 0.1 * s for e, s in SCORES.items()},
     seconds=12.0,
     runs=("run1",),
-)
+)  # fmt: skip
 NONE = Diagnosis(
     verdict="none",
     sentence="the roll-yaw model explains these runs down to the noise floor",

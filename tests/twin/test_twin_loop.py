@@ -48,10 +48,8 @@ class World:
         factor = (self.true / rover.yaw_inertia) ** self.gain
         level = 1.0 + 10.0 * abs(self.true / rover.yaw_inertia - 1.0)
         found = () if abs(factor - 1.0) < 0.01 else (_izz(factor),)
-        agreement = (
-            Agreement("run1", "sim1", False, level, {}),
-            Agreement("run2", "sim2", True, self.held * level, {}),
-        )
+        levels = (("run1", "sim1", False, level), ("run2", "sim2", True, self.held * level))
+        agreement = tuple(Agreement(*one, {}) for one in levels)
         verdict = "differ" if found else "agree"
         return FakeCompared(Comparison(verdict, "", differences=found, agreement=agreement))
 
@@ -128,10 +126,8 @@ def test_a_rover_that_overturns_with_a_correction_gets_half_of_it_or_none(larges
 
 
 def test_held_out_runs_decide_nothing_but_the_verdict():
-    world = World(0.09, held=3.0)
-    twin, rover = _twin(world)
-    assert rover.yaw_inertia == pytest.approx(0.09)
-    assert not twin.agrees
+    twin, rover = _twin(World(0.09, held=3.0))
+    assert rover.yaw_inertia == pytest.approx(0.09) and not twin.agrees
 
 
 def test_stops_when_asked():
