@@ -78,7 +78,9 @@ def test_a_structure_is_fitted_beside_the_models(run):
 
 def test_conditioning_takes_the_throttle_out(pulled):
     models = ("bicycle",)
-    plain = identify([pulled], GEOMETRY, settings=Settings(models=models, as_paper=True))
+    paper = Settings(models=models, as_paper=True)
+    plain = identify([pulled], GEOMETRY, settings=paper, structures=[structure_from_text(TEXT)])
+    assert "--condition-on throttle" in plain.refused["pulled"]
     settings = Settings(models=models, condition_on=("throttle",), as_paper=True)
     cleaned = identify([pulled], GEOMETRY, settings=settings)
     response = cleaned.groups[0].responses["r"]
@@ -105,29 +107,17 @@ def test_a_structure_with_a_throttle_finds_what_it_does(pulled):
     assert model.verification[0].tic < 0.05
 
 
-def test_an_input_that_was_not_asked_for_is_told(pulled):
-    result = identify(
-        [pulled], GEOMETRY, settings=Settings(models=("bicycle",)), structures=[structure_from_text(TEXT)]
-    )
-    assert "--condition-on throttle" in result.refused["pulled"]
-
-
-def test_a_throttle_that_stands_still_is_told(run):
+def test_a_throttle_that_stands_still_and_outputs_that_are_not_there_are_told(run):
     t = run["r"].t
     still = replace(run, channels={**run.channels, "throttle": Signal(t, np.full(t.size, 1600.0), "us")})
-    result = identify([still], GEOMETRY, settings=Settings(models=("bicycle",), condition_on=("throttle",)))
-    assert "throttle is constant in these runs, so the responses are not conditioned on it" in result.summary
-    assert result.groups[0].responses["r"].conditioned_on == ()
-
-
-def test_outputs_that_are_not_there_are_told(run):
     text = TEXT.replace('"delta", "throttle"', '"delta"').replace(
         'outputs = ["r", "ay"]', 'outputs = ["p", "q"]'
     )
     text = text.replace('[["C/(m*V)", 0], ["a*C/Izz", 0], [0, "K/T"]]', '["C/(m*V)", "a*C/Izz", "K/T"]')
-    result = identify(
-        [run], GEOMETRY, settings=Settings(models=("bicycle",)), structures=[structure_from_text(text)]
-    )
+    settings = Settings(models=("bicycle",), condition_on=("throttle",))
+    result = identify([still], GEOMETRY, settings=settings, structures=[structure_from_text(text)])
+    assert "throttle is constant in these runs, so the responses are not conditioned on it" in result.summary
+    assert result.groups[0].responses["r"].conditioned_on == ()
     assert "has the output 'q'; outputs can be r, ay, vydot, p" in result.refused["pulled"]
 
 

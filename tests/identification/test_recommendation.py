@@ -10,7 +10,7 @@ import pytest
 from synthetic import GEOMETRY, TRUE, driven
 
 import rover_sweep as rs
-from rover_sweep.data.recording import Recording
+from rover_sweep.data.recording import ASSUMED, LowPass, Note, Recording
 from rover_sweep.identification import pipeline
 from rover_sweep.identification.grouping import Settings
 from rover_sweep.identification.model_results import recommendation
@@ -18,11 +18,13 @@ from rover_sweep.identification.models import roll_yaw
 from rover_sweep.identification.pipeline import Identification, identify
 from rover_sweep.identification.verdicts import ModelVerdict, judge_model
 from rover_sweep.manoeuvre.sweep import Sweep
+from rover_sweep.quality.faults import doubts
 
 CONCEALED = Path(__file__).parents[1] / "data" / "concealed-ardurover" / "c"
 SWEEP = Sweep(amplitude=120, t_rec=30, w_min=1.0)
 TRUTH = roll_yaw(GEOMETRY).with_values(TRUE)
 PHYSICAL = Settings(models=("bicycle", "roll-yaw"))
+WITH_LUMPED = Settings(models=("bicycle", "roll-yaw", "lumped"))
 
 
 @pytest.fixture(scope="module")
@@ -32,22 +34,21 @@ def run() -> Recording:
 
 @pytest.fixture(scope="module")
 def sound(run: Recording) -> Identification:
-    return identify([run], GEOMETRY, [replace(run, name="check")], PHYSICAL)
-
-
-@pytest.fixture(scope="module")
-def two_speeds(run: Recording) -> Identification:
-    return identify([run, driven(TRUTH, SWEEP, speed=1.6)], GEOMETRY)
+    return identify([run], GEOMETRY, [replace(run, name="check")], WITH_LUMPED)
 
 
 def test_a_sound_model_is_recommended(sound: Identification) -> None:
     assert sound.recommended == "roll-yaw" and len(sound.summary) == 1
 
 
-def test_the_costs_of_all_models_are_over_the_same_runs(two_speeds: Identification) -> None:
+def test_the_costs_of_all_models_are_over_the_same_runs(run: Recording) -> None:
     """The lumped model is fitted at the first speed; its J holds the other run as well."""
-    lumped = two_speeds.models["lumped"]
-    assert lumped.fit.average > 20 * two_speeds.models["roll-yaw"].fit.average
+    runs = [run, driven(TRUTH, SWEEP, speed=1.6)]
+    models = identify(
+        runs, GEOMETRY, settings=Settings(models=("roll-yaw", "lumped"), reduction=False)
+    ).models
+    lumped = models["lumped"]
+    assert lumped.fit.average > 20 * models["roll-yaw"].fit.average
     assert lumped.average_all > lumped.fit.costs["r"] / 4
     where = lumped.verdict.sentences[-1]
     assert where.startswith("fitted at 2.40 m/s only, where J_ave is ")
@@ -137,14 +138,26 @@ def test_a_more_complete_model_is_not_passed_over_without_a_word(sound: Identifi
     assert best == "bicycle" and sentences[1] == "the roll-yaw model is poor: k_phi is odd"
 
 
-def test_a_lumped_model_that_fits_closer_is_not_passed_over_without_the_reason(run: Recording) -> None:
-    found = identify([run], GEOMETRY, settings=Settings(models=("roll-yaw", "lumped")))
+def test_a_lumped_model_that_fits_closer_is_not_passed_over_without_the_reason(sound: Identification) -> None:
     for cost, said in ((1.42, 1), (1.51, 0), (1.62, 0)):  # printed: 1.4, 1.5, 1.6
-        models = dict(found.models)
+        models = {}
         for name, average in (("roll-yaw", 1.54), ("lumped", cost)):
-            fit = models[name].fit
+            fit = sound.models[name].fit
             fit = replace(fit, costs=dict.fromkeys(fit.costs, average))
-            models[name] = replace(models[name], fit=fit)
+            models[name] = replace(sound.models[name], fit=fit)
         best, sentences = recommendation(models, None)
         assert best == "roll-yaw" and sentences[0].count(":") == 1
         assert [s.startswith("the lumped model has a lower J_ave") for s in sentences[1:]] == [True] * said
+
+
+def test_data_that_are_not_whole_or_not_known_make_a_good_model_doubtful(run: Recording) -> None:
+    cut = replace(run, name="cut", notes=(Note("warning", "The recording ends before the end of the run."),))
+    assumed = replace(run, filters={"r": LowPass(20.0, ASSUMED), "ay": LowPass(20.0, "INS_ACCEL_FILTER")})
+    assert not list(doubts([run])) and not list(doubts([cut, run]))
+    settings = Settings(models=("bicycle",))
+    for doubtful, why in (
+        (cut, "no run was recorded completely (cut)"),
+        (assumed, "the low-pass of r was not recorded"),
+    ):
+        verdict = identify([doubtful], GEOMETRY, settings=settings).models["bicycle"].verdict
+        assert verdict.level == "acceptable" and verdict.sentences[0].startswith(why)

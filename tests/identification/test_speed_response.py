@@ -46,14 +46,6 @@ def test_intervals_hold_the_truth_nine_times_in_ten() -> None:
     assert result.fit.intervals["gain"][1] < 1.1 * TRUTH.gain, "wide intervals hold everything"
 
 
-def test_two_sweeps_are_more_certain_than_one() -> None:
-    one = identify_speed([driven(noise=0.03, seed=1)])
-    two = identify_speed([driven(noise=0.03, seed=1), driven(noise=0.03, seed=2, held=1700)])
-    assert one.fit is not None and two.fit is not None
-    width = [np.diff(r.fit.intervals["gain"])[0] for r in (one, two) if r.fit]
-    assert width[1] < 0.85 * width[0]
-
-
 def test_no_excitation_is_said() -> None:
     result = found(amplitude=5.0)
     assert result.level == "none" and result.fit is None
