@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-from typing import Any
 
 import numpy as np
 import pytest
@@ -15,7 +14,6 @@ from rover_sweep.data.recording import LowPass
 from rover_sweep.identification.conversion import pade_delay
 from rover_sweep.identification.models import bicycle, roll_yaw
 from rover_sweep.identification.state_space import ModelStructure
-from rover_sweep.spectra.response import FrequencyResponse
 
 GEOMETRY = Geometry(mass=2.66, a=0.203, b=0.188, sprung_mass=2.40, h=0.058, roll_inertia=0.0125, imu_x=0.03)
 MODEL = roll_yaw(GEOMETRY).with_values({"C": 32.0, "Izz": 0.071, "k_phi": 10.8, "b_phi": 0.36, "tau": 0.043})
@@ -36,21 +34,13 @@ def test_state_space_of_python_control(model: ModelStructure) -> None:
     np.testing.assert_allclose(system(1j * W)[:, 0], expected(model), rtol=1e-6)
     assert system.output_labels == list(model.outputs) and system.input_labels == ["delta"]
     assert [s for s in system.state_labels if s in model.states] == list(model.states)
-
-
-def test_sensors_are_put_behind_the_outputs() -> None:
-    pytest.importorskip("control")
     slow = {"r": LowPass(4.0), "ay": LowPass(10.0)}
-    found = rs.to_control(MODEL, SPEED, pade=4, sensors=slow)(1j * W)[:, 0]
-    np.testing.assert_allclose(found, expected(MODEL, slow), rtol=1e-6)
-
-
-def test_the_delay_may_be_left_out() -> None:
-    pytest.importorskip("control")
-    system = rs.to_control(MODEL, SPEED, pade=0)
-    assert list(system.state_labels) == list(MODEL.states)
-    late = np.exp(-1j * W * MODEL.values["tau"])
-    np.testing.assert_allclose(system(1j * W)[:, 0] * late, expected(MODEL), rtol=1e-9)
+    behind = rs.to_control(model, SPEED, pade=4, sensors=slow)(1j * W)[:, 0]
+    np.testing.assert_allclose(behind, expected(model, slow), rtol=1e-6)
+    at_once = rs.to_control(model, SPEED, pade=0)
+    assert list(at_once.state_labels) == list(model.states)
+    late = np.exp(-1j * W * model.values["tau"])
+    np.testing.assert_allclose(at_once(1j * W)[:, 0] * late, expected(model), rtol=1e-9)
 
 
 def test_pade_by_its_printed_second_order_form() -> None:
@@ -80,25 +70,7 @@ def test_discrete_scipy_equals_a_fine_simulation_at_the_samples(tau: float) -> N
     np.testing.assert_allclose(y, slow[::steps], rtol=1e-8, atol=1e-10)
 
 
-def test_a_response_as_frequency_response_data() -> None:
-    pytest.importorskip("control")
-    h = MODEL.response(W, SPEED, "r")
-    ones = np.ones(W.size)
-    response = FrequencyResponse("delta", "r", "rad/s per rad", W, h, ones, ones, ones, ones, (20.0,), None)
-    found = rs.to_control(response)
-    np.testing.assert_allclose(found.frdata[0, 0], h)
-    np.testing.assert_allclose(found.omega, W)
-
-
 def test_without_python_control_one_sentence_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "control", None)
     with pytest.raises(rs.UsageError, match=r"pip install -e '\.\[control\]'"):
         rs.to_control(MODEL, SPEED)
-
-
-@pytest.mark.parametrize(
-    "wrong", [{"speed": None}, {"speed": SPEED, "dt": 0.0}, {"speed": SPEED, "pade": -1}]
-)
-def test_programmers_mistakes(wrong: dict[str, Any]) -> None:
-    with pytest.raises(ValueError):
-        rs.to_scipy(MODEL, **wrong)
