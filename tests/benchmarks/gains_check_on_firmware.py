@@ -31,7 +31,7 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "gains"))
 
 from acro_drive import STEP, Profile, Segment, kept
 from acro_on_firmware import drive
-from test_gains_on_plant import on_the_plant
+from test_gains_on_firmware import on_the_plant
 
 from rover_sweep.gains.check import SteeringCheck, check_steering
 from rover_sweep.gains.steering_chain import Autopilot, Gains

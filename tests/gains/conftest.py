@@ -24,7 +24,7 @@ AS_RECORDED = {"SCHED_LOOP_RATE": 100.0, "INS_GYRO_FILTER": 20.0}
 def nominal_result() -> Any:
     names = ("run1", "run2", "run4")
     runs = rs.read(*(NOMINAL / f"{name}.BIN" for name in names), vehicle=DATA / "rover.toml")
-    return rs.identify(runs, models=["bicycle", "roll-yaw"], bootstrap=60)
+    return rs.identify(runs, models=["bicycle", "roll-yaw"], bootstrap=20)
 
 
 @pytest.fixture(scope="session")
@@ -44,3 +44,9 @@ def proposal(nominal_text: str) -> Proposal:
     whole design, not a step towards it."""
     found = from_identification(json.loads(nominal_text))
     return propose_gains(found, autopilot(AS_RECORDED), 2.5, at_once=True)
+
+
+@pytest.fixture
+def few_corners(monkeypatch: pytest.MonkeyPatch) -> None:
+    """For tests that need no design for every corner of the intervals."""
+    monkeypatch.setattr("rover_sweep.gains.proposal.MOST_CORNERS", 1)

@@ -9,10 +9,10 @@ import pytest
 from acro_drive import limited_targets
 
 from rover_sweep.data.geometry import Geometry
-from rover_sweep.gains.controller import RatePid, feedback_response, simulate_loop
-from rover_sweep.gains.steering_chain import Gains, SampledPlant, autopilot, sampled_plant
+from rover_sweep.gains.controller import RatePid, feedback_response
+from rover_sweep.gains.steering_chain import Gains, autopilot, sampled_plant
 from rover_sweep.gains.tuning import frequencies, margins
-from rover_sweep.identification.models import bicycle, kinematic
+from rover_sweep.identification.models import bicycle
 
 CAR = Geometry(mass=2.66, a=0.203, b=0.188, yaw_inertia=0.07)
 MODEL = bicycle(CAR).with_values({"C": 32.0, "Izz": 0.07, "tau": 0.033})
@@ -64,13 +64,8 @@ def test_margins_of_a_loop_known_on_paper():
     assert found.phase_deg == pytest.approx(90 - math.degrees(gain * late), abs=0.1)
     assert found.gain_db == pytest.approx(20 * math.log10(math.pi / (2 * gain * late)), abs=0.05)
     assert found.phase_crossover == pytest.approx(math.pi / (2 * late), rel=1e-2)
-
-
-def test_too_much_gain_has_negative_margins():
-    w = frequencies(0.001)
-    found = margins(30.0 / (1j * w) * np.exp(-1j * w * 0.1), w)
-    assert found.gain_db < 0
-    assert found.phase_deg < 0
+    unstable = margins(30.0 / (1j * w) * np.exp(-1j * w * late), w)
+    assert unstable.gain_db < 0 and unstable.phase_deg < 0
 
 
 def test_the_sampled_plant_is_the_continuous_one_held():
@@ -92,19 +87,6 @@ def test_steering_is_scaled_by_speed_above_the_base_alone():
     off = autopilot({"MOT_SPD_SCA_BASE": 0.0})
     assert off.speed_scale(5.0) == 1.0
     assert not off.integrates(5.0)  # AP_MotorsUGV::output_regular takes the branch that sets the limits
-
-
-def test_without_the_scale_the_feed_forward_is_wrong_by_the_speed():
-    """On the discrete loop with FF alone: the right one holds 0.5 rad/s, the unscaled one a V-th of it."""
-    loop, speed = autopilot({"INS_GYRO_FILTER": 20.0}), 2.5
-    plant, angle = sampled_plant(MODEL, speed, loop), loop.angle_per_output(0.00095)
-    unscaled = 1 / (plant.gain * angle)
-    right = unscaled / loop.speed_scale(speed)
-    wanted = np.full(200, 0.5)
-    held = simulate_loop(
-        loop, plant, angle, wanted, np.zeros(2), np.zeros(2), np.array([right, unscaled])
-    ).rate[-1]
-    assert held == pytest.approx([0.5, 0.5 / speed], rel=1e-3)
 
 
 def test_the_target_is_limited_as_in_the_firmware():
@@ -131,15 +113,5 @@ def test_the_steering_output_is_found_and_what_is_missing_is_named():
     assert loop.gains.ff == 0.75
     assert "SERVO4_MIN" in loop.assumed
     assert "ATC_STR_RAT_FF" not in loop.assumed
-
-
-def test_impossible_servo_ends_are_refused():
     with pytest.raises(ValueError, match="SERVO1_MIN 1600"):
         autopilot({"SERVO1_MIN": 1600.0})
-
-
-def test_a_plant_without_lag_still_makes_a_loop():
-    """The kinematic model answers at once; held for a period, it answers in the next tick."""
-    plant = sampled_plant(kinematic(CAR), 2.0, autopilot({"INS_GYRO_FILTER": 0.0}))
-    assert isinstance(plant, SampledPlant)
-    assert plant.gain == pytest.approx(2.0 / 0.391, rel=1e-6)
