@@ -5,13 +5,25 @@ from __future__ import annotations
 import hashlib
 import json
 import math
+import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+import scipy.io
+import scipy.signal
 
+from rover_sweep.cli.main import run as program
+from rover_sweep.report.export.exported_model import (
+    at_speed,
+    exported_model,
+    json_text,
+    mat_file,
+    matlab_text,
+    python_text,
+)
 from rover_sweep.report.identification.identification_json import identification_document
 from rover_sweep.report.wording import plain, strict_json
 
@@ -47,18 +59,8 @@ def test_every_parameter_has_the_keys_of_the_contract_and_the_values_of_the_fit(
             assert told["insensitivity_percent"] == e.insensitivity_percent
 
 
-def test_costs_name_all_four_responses_and_average_those_that_were_fitted(document: dict[str, Any]) -> None:
-    cost = document["models"]["roll-yaw"]["cost"]
-    assert cost["fitted"] == ["r", "ay", "p"]
-    assert cost["average"] == pytest.approx((cost["r"] + cost["ay"] + cost["p"]) / 3)
-    assert cost["average_all"] == pytest.approx((cost["r"] + cost["ay"] + cost["p"] + cost["vydot"]) / 4)
-    bicycle = document["models"]["bicycle"]["cost"]
-    assert bicycle["p"] is None
-    assert bicycle["average"] == pytest.approx((bicycle["r"] + bicycle["ay"]) / 2)
-
-
 def test_verification_is_that_of_the_first_run_and_can_be_recomputed_from_its_channels(
-    document: dict[str, Any],
+    document: dict[str, Any], nominal: Any
 ) -> None:
     model = document["models"]["roll-yaw"]
     assert model["verification"] == model["verification_runs"][0]
@@ -67,6 +69,15 @@ def test_verification_is_that_of_the_first_run_and_can_be_recomputed_from_its_ch
     squares = [c["j_rms"] ** 2 for c in channels.values()]
     assert model["verification"]["j_rms"] == pytest.approx(math.sqrt(sum(squares) / 3))
     assert 0 < model["verification"]["tic"] < 0.07
+    fit = nominal.result.models["roll-yaw"].fit
+    assert sorted(p["re"] for p in model["poles"]) == pytest.approx(
+        sorted(fit.structure.poles(fit.speed).real)
+    )
+    inertia = document["inertia"]
+    assert inertia["vehicle_file"] == {"value": 0.069, "sd": 0.003}
+    percent = 100 * (fit["Izz"].value / 0.069 - 1)
+    assert inertia["models"]["roll-yaw"]["difference_percent"] == pytest.approx(percent)
+    assert document["speed_m_s"] == nominal.result.speed and document["recommended"] == "roll-yaw"
 
 
 def test_runs_tell_their_bands_verdicts_and_input_hashes(document: dict[str, Any]) -> None:
@@ -80,33 +91,6 @@ def test_runs_tell_their_bands_verdicts_and_input_hashes(document: dict[str, Any
         assert run["sources"][0]["sha256"] == hashlib.sha256(content).hexdigest()
         assert run["filters"]["r"]["cutoff_hz"] == 20
     assert document["verification_recordings"][0]["name"] == "run4"
-
-
-def test_speed_inertia_and_versions(document: dict[str, Any], nominal: Any) -> None:
-    assert document["speed_m_s"] == pytest.approx(2.45, abs=0.05)
-    inertia = document["inertia"]
-    found = nominal.result.models["roll-yaw"].fit["Izz"].value
-    assert inertia["vehicle_file"] == {"value": 0.069, "sd": 0.003}
-    assert inertia["models"]["roll-yaw"]["difference_percent"] == pytest.approx(100 * (found / 0.069 - 1))
-    assert document["versions"]["numpy"] == np.__version__
-    assert document["recommended"] == "roll-yaw"
-
-
-def test_variants_and_reduction_stand_beside_the_fit(document: dict[str, Any]) -> None:
-    variants = document["models"]["roll-yaw"]["variants"]
-    assert {"filters ignored", "four responses", "Cf and Cr free"} <= set(variants)
-    assert set(variants["Cf and Cr free"]["parameters"]) >= {"Cf", "Cr"}
-    assert variants["four responses"]["cost"]["fitted"] == ["r", "ay", "vydot", "p"]
-    steps = document["models"]["lumped"]["reduction"]
-    dropped = {s["parameter"] for s in steps if s["dropped"]}
-    parameters = document["models"]["lumped"]["parameters"]
-    assert dropped and all(parameters[p]["value"] == 0 and not parameters[p]["free"] for p in dropped)
-
-
-def test_poles_are_those_of_the_matrices(document: dict[str, Any], nominal: Any) -> None:
-    fit = nominal.result.models["roll-yaw"].fit
-    told = sorted(p["re"] for p in document["models"]["roll-yaw"]["poles"])
-    assert told == pytest.approx(sorted(fit.structure.poles(fit.speed).real))
 
 
 def test_tyres_of_a_kinematic_rover_are_null_with_a_reason_and_the_rejected_numbers_apart(stock: Any) -> None:
@@ -126,26 +110,13 @@ def test_tyres_of_a_kinematic_rover_are_null_with_a_reason_and_the_rejected_numb
     assert "roll-yaw" in document["refused"]
 
 
-def test_the_same_result_gives_the_same_text(nominal: Any) -> None:
-    assert strict_json(identification_document(*nominal)) == strict_json(identification_document(*nominal))
-
-
 def test_numbers_that_are_not_finite_become_null_and_foreign_objects_are_refused() -> None:
+    value = {"long": ["x" * 40, "é"], "rows": [[1, 2], []], "none": {}, "deep": {"k": [{"a": 1}]}}
+    assert json.loads(strict_json(value)) == value
     told = plain({"a": np.array([1.0, np.nan]), "b": (np.inf, np.int64(3)), "c": np.bool_(True)})
     assert told == {"a": [1.0, None], "b": [None, 3], "c": True}
     with pytest.raises(TypeError, match="complex"):
         plain({"pole": 1j})
-
-
-def test_json_text_reads_back_whatever_its_layout() -> None:
-    value = {
-        "words": ["a", "b"],
-        "long": ["x" * 40, "é"],
-        "rows": [[1, 2], []],
-        "none": {},
-        "deep": {"k": [{"a": 1}]},
-    }
-    assert json.loads(strict_json(value)) == value
 
 
 def test_runs_of_the_same_name_keep_their_own_verdicts(nominal: Any) -> None:
@@ -158,3 +129,125 @@ def test_runs_of_the_same_name_keep_their_own_verdicts(nominal: Any) -> None:
     result = replace(nominal.result, groups=(replace(group, runs=runs),), coherence=verdicts)
     document = identification_document(result, nominal.provenance)
     assert [run["sentence"] for run in document["runs"]] == ["of the first", "of the second"]
+
+
+# ---- Exported models: every form gives back the frequency response of the structure.
+
+W = np.geomspace(0.2, 40, 40)
+pytestmark = pytest.mark.filterwarnings("ignore:Badly conditioned")
+MODELS = ("kinematic", "bicycle", "roll-yaw", "lumped")
+
+
+def expected(case: Any, name: str, speed: float | None = None, filtered: bool = True) -> np.ndarray:
+    """(n_w, n_outputs) of the structure."""
+    fit = case.result.models[name].fit
+    filters = case.result.groups[0].runs[0].filters if filtered else {}
+    return np.column_stack(
+        [fit.structure.response(W, speed or fit.speed, o, filters) for o in fit.structure.outputs]
+    )
+
+
+def rebuilt(model: dict[str, Any], filtered: bool = True) -> np.ndarray:
+    """(n_w, n_outputs) by scipy.signal from A, B, C, D, tau and the filters."""
+    columns = []
+    for k, output in enumerate(model["outputs"]):
+        rows = np.array(model["C"])[k : k + 1], np.array(model["D"])[k : k + 1]
+        _, h = scipy.signal.freqresp(scipy.signal.StateSpace(model["A"], model["B"], *rows), W)
+        h = h * np.exp(-1j * W * model["tau_s"])
+        known = model["sensor_filters"].get(output)
+        columns.append(h * scipy.signal.freqs(known["num"], known["den"], W)[1] if known and filtered else h)
+    return np.column_stack(columns)
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_matrices_delay_and_filters_give_the_response_of_the_structure(nominal: Any, name: str) -> None:
+    model = json.loads(json_text(exported_model(nominal.result, name)))
+    np.testing.assert_allclose(rebuilt(model), expected(nominal, name), rtol=1e-6)
+    np.testing.assert_allclose(rebuilt(model, False), expected(nominal, name, filtered=False), rtol=1e-6)
+    assert len(model["states"]) == len(model["state_units"]) == len(model["A"])
+    assert len(model["outputs"]) == len(model["output_units"]) == len(model["C"])
+
+
+def test_a_model_of_physical_parameters_moves_to_another_speed_and_the_lumped_one_does_not(
+    nominal: Any,
+) -> None:
+    for name in ("bicycle", "roll-yaw"):
+        model = at_speed(exported_model(nominal.result, name), 4.0)
+        assert model["speed_m_s"] == 4.0
+        np.testing.assert_allclose(rebuilt(model), expected(nominal, name, 4.0), rtol=1e-6)
+    with pytest.raises(ValueError, match="speed of the identification"):
+        at_speed(exported_model(nominal.result, "lumped"), 4.0)
+
+
+def test_python_text_runs_on_its_own(nominal: Any) -> None:
+    namespace: dict[str, Any] = {}
+    exec(python_text(exported_model(nominal.result, "roll-yaw", (1500.0, 0.00095))), namespace)
+    np.testing.assert_allclose(namespace["frequency_response"](W), expected(nominal, "roll-yaw"), rtol=1e-9)
+    bare = namespace["frequency_response"](W, sensors=False)
+    np.testing.assert_allclose(bare, expected(nominal, "roll-yaw", filtered=False), rtol=1e-9)
+    assert "0.00095" in namespace["__doc__"]
+
+
+def test_matlab_text_holds_the_matrices_to_the_last_digit(nominal: Any) -> None:
+    model = exported_model(nominal.result, "roll-yaw")
+    text = matlab_text(model)
+    for name in ("A", "B", "C", "D", "M", "F", "G", "H0", "H1"):
+        found = re.search(rf"^{name} = \[(.*)\];$", text, re.MULTILINE)
+        assert found
+        matrix = [[float(x) for x in row.split()] for row in found[1].split(";")]
+        assert matrix == model[name]
+    assert f"tau = {model['tau_s']!r};" in text and "'InputDelay', tau" in text
+    assert text.count("sensors(") == 3  # r, ay and p have low-passes, vydot has none
+
+
+def test_mat_file_holds_matrices_names_and_filters(nominal: Any, tmp_path: Path) -> None:
+    model = exported_model(nominal.result, "roll-yaw")
+    path = tmp_path / "model.mat"
+    path.write_bytes(mat_file(model))
+    content = scipy.io.loadmat(path, squeeze_me=True)
+    np.testing.assert_array_equal(content["A"], model["A"])
+    np.testing.assert_array_equal(content["H1"], model["H1"])
+    assert list(content["states"]) == list(model["states"])
+    assert float(content["tau"]) == model["tau_s"]
+    assert float(content["sensor_filters"]["r"].item()["cutoff_hz"]) == 20
+    assert float(content["parameters"]["Izz"]) == model["parameters"]["Izz"]
+
+
+def test_command_takes_the_recommended_model_and_the_format_of_the_suffix(
+    reports: dict[str, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "rover.m"
+    assert program(["export", str(reports["nominal"]), "-o", str(out)]) == 0
+    assert out.read_text().startswith("% roll-yaw model at 2.45 m/s")
+    assert capsys.readouterr().out == ""
+    assert program(["export", str(reports["nominal"]), "--model", "bicycle", "--speed", "3"]) == 0
+    model = json.loads(capsys.readouterr().out)
+    assert (model["model"], model["speed_m_s"]) == ("bicycle", 3.0)
+    (tmp_path / "identification.json").write_text('{"recommended": ')
+    for folder, code, words in ((tmp_path / "empty", 2, "holds no report"), (tmp_path, 3, "damaged")):
+        folder.mkdir(exist_ok=True)
+        assert program(["export", str(folder)]) == code and words in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("folder", "options", "code", "words"),
+    [
+        ("nominal", ["--model", "tricycle"], 2, "there are bicycle, kinematic, lumped, roll-yaw"),
+        ("nominal", ["--model", "lumped", "--speed", "4"], 2, "valid only at 2.45 m/s"),
+        ("nominal", ["-o", "model.doc"], 2, "no format is known for .doc"),
+        ("nominal", ["--format", "mat"], 2, "cannot go to stdout"),
+        ("stock", ["--model", "bicycle"], 3, "kinematic model fits as well"),
+        ("stock", ["--model", "roll-yaw"], 3, "roll rate does not follow"),
+    ],
+)
+def test_command_says_what_is_wrong(
+    reports: dict[str, Path],
+    folder: str,
+    options: list[str],
+    code: int,
+    words: str,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert program(["export", str(reports[folder]), *options]) == code
+    captured = capsys.readouterr()
+    assert words in captured.err and captured.out == ""

@@ -73,17 +73,6 @@ def test_the_charts_hold_the_drive_the_response_and_the_step(
     assert drawn["proposed"][-1] == pytest.approx(drawn["commanded"][-1], abs=0.03)
 
 
-def test_without_a_law_the_page_says_why(speed: SpeedIdentification, tmp_path: Path) -> None:
-    from dataclasses import replace
-
-    none = replace(speed, level="none", reasons=("no excitation",), fit=None, coherence=None, coasting=None)
-    html = none.report(tmp_path).page.read_text()
-    assert "was not identified" in html and "No excitation." in html
-    assert len(charts(html)) == 1 and not none.parameters
-    with pytest.raises(rs.UsageError, match="no excitation"):
-        none.to_frame()
-
-
 def test_steering_runs_in_the_same_folder_add_their_limits(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

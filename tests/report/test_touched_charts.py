@@ -78,12 +78,6 @@ def test_two_fingers_apart_zoom_in_about_their_middle(phone: Phone, chart: int) 
     start = within(phone, chart, (0.4, 0.5), (0.6, 0.5))
     phone.gesture(start, within(phone, chart, (0.2, 0.5), (0.8, 0.5)))
     assert shown(phone, chart) == pytest.approx((1 / 3, 2 / 3), abs=0.03)
-
-
-def test_fingers_above_each_other_zoom_as_much(phone: Phone, chart: int) -> None:
-    start = within(phone, chart, (0.5, 0.4), (0.5, 0.6))
-    phone.gesture(start, within(phone, chart, (0.5, 0.2), (0.5, 0.8)))
-    assert shown(phone, chart) == pytest.approx((1 / 3, 2 / 3), abs=0.03)
     assert phone.value("visualViewport.scale") == 1 and phone.value("scrollY") == 0
 
 

@@ -6,16 +6,19 @@ import csv
 import json
 import os
 from dataclasses import replace
+from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from rover_sweep.data.results import number
 from rover_sweep.errors import UsageError
 from rover_sweep.files.documents import write_file
 from rover_sweep.report.identification.identification_json import identification_document
-from rover_sweep.report.identification.report import write_report
+from rover_sweep.report.identification.report import identification_report, write_report
+from rover_sweep.report.in_html import in_html
 
 
 def names(folder: Path) -> set[str]:
@@ -38,6 +41,9 @@ def test_folder_holds_document_page_pictures_and_models(reports: dict[str, Path]
         "models/roll-yaw.json",
         "models/lumped.json",
     }
+    assert [p.name for p in (reports["stock"] / "models").iterdir()] == ["kinematic.json"], (
+        "not a rejected one"
+    )
     told = json.loads((reports["nominal"] / "identification.json").read_text(encoding="utf-8"))
     assert told == json.loads(json.dumps(identification_document(*nominal)))
 
@@ -53,10 +59,6 @@ def test_the_measured_responses_are_a_table(reports: dict[str, Path], nominal: A
     )
     usable = [float(row["w_rad_s"]) for row in own if row["usable"] == "1"]
     assert (usable[0], usable[-1]) == pytest.approx(r.band, rel=0.1)
-
-
-def test_a_rejected_model_is_not_exported(reports: dict[str, Path]) -> None:
-    assert [p.name for p in (reports["stock"] / "models").iterdir()] == ["kinematic.json"]
 
 
 def test_writing_again_removes_what_is_no_longer_true_tells_its_progress_and_keeps_other_files(
@@ -93,12 +95,6 @@ def test_a_write_that_fails_leaves_the_old_file_and_nothing_else(
     assert path.read_text() == "old" and list(tmp_path.iterdir()) == [path]
 
 
-def test_a_place_that_is_no_folder_is_a_usage_error(stock: Any, tmp_path: Path) -> None:
-    (tmp_path / "file").write_text("")
-    with pytest.raises(UsageError, match="cannot be written"):
-        write_report(stock.result, tmp_path / "file", stock.provenance)
-
-
 def test_runs_that_carry_no_model_still_make_a_report_that_says_so(nominal: Any, tmp_path: Path) -> None:
     why = "nothing can be identified: the yaw rate follows the steering in no frequency band"
     nothing = replace(nominal.result, models={}, refused={"bicycle": why}, recommended=None, summary=(why,))
@@ -131,3 +127,63 @@ def test_a_failure_leaves_the_old_report_whole_or_no_identification_json(
     with pytest.raises(UsageError):
         write_report(stock.result, tmp_path, stock.provenance)
     assert not (tmp_path / "identification.json").exists()
+
+
+# ---- report.html: one page, nothing fetched, all pictures in it.
+
+
+class Elements(HTMLParser):
+    """Tags with attributes, visible text, and whether every tag was closed."""
+
+    VOID = ("meta", "img", "br", "link", "input", "hr")
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.tags: list[tuple[str, dict[str, str | None]]] = []
+        self.text = ""
+        self.open: list[str] = []
+        self.feed(text)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append((tag, dict(attrs)))
+        if tag not in self.VOID:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag
+
+    def handle_data(self, data: str) -> None:
+        if "style" not in self.open and "script" not in self.open:
+            self.text += data
+
+
+@pytest.fixture(scope="module")
+def html(reports: dict[str, Path]) -> str:
+    return (reports["nominal"] / "report.html").read_text(encoding="utf-8")
+
+
+def test_page_is_well_formed_and_fetches_nothing(html: str) -> None:
+    elements = Elements(html)
+    assert elements.open == []
+    assert not [tag for tag, _ in elements.tags if tag in ("link", "iframe")]
+    assert not [a for tag, a in elements.tags if tag == "script" and "src" in a]
+    policy = next(a["content"] for _, a in elements.tags if a.get("http-equiv"))
+    assert policy and policy.startswith("default-src 'none'") and "http" not in policy
+    links = [v for _, a in elements.tags for k, v in a.items() if k in ("src", "href") and v]
+    assert {v[1:] for v in links if v.startswith("#")} <= {a.get("id") for _, a in elements.tags}
+    assert all(v.startswith("#") for v in links)
+    assert "url(" not in html and "@import" not in html
+
+
+def test_rejected_numbers_are_nowhere_on_the_page(reports: dict[str, Path], stock: Any) -> None:
+    text = Elements((reports["stock"] / "report.html").read_text(encoding="utf-8")).text
+    rejected = stock.result.models["bicycle"].fit
+    assert "not identifiable" in text and "Use the kinematic model" in text
+    assert number(rejected["C"].value) not in text
+    assert number(stock.result.models["kinematic"].fit["L_eff"].value) in text
+
+
+def test_names_from_files_cannot_become_markup(nominal: Any) -> None:
+    vehicle = replace(nominal.provenance.vehicle, name="<script>alert(1)</script>")
+    text = in_html(identification_report(nominal.result, replace(nominal.provenance, vehicle=vehicle)))
+    assert "<script>" not in text and "&lt;script&gt;" in text

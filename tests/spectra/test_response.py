@@ -31,9 +31,8 @@ def noise_run(
     return Recording(f"noise {seed}", channels, (t[0], t[-1]))
 
 
-@pytest.mark.parametrize("jitter", [0.0, 0.45])
-def test_gain_and_delay_come_back_on_uneven_stamps(jitter: float):
-    found = frequency_responses([noise_run(1, jitter=jitter)], ["r"], W, (5, 8, 12))["delta"]["r"]
+def test_gain_and_delay_come_back_on_uneven_stamps():
+    found = frequency_responses([noise_run(1, jitter=0.45)], ["r"], W, (5, 8, 12))["delta"]["r"]
     assert np.abs(found.h) == pytest.approx(2.0, rel=0.05)
     assert np.angle(found.h * np.exp(1j * W * 0.03)) == pytest.approx(0.0, abs=0.05)
 
