@@ -246,26 +246,13 @@ def chunks(data: bytearray, random: Random) -> bytearray:
 
     codec, at = Codec(1, 1), random.choice(_frames(data) or [(0, 0)])[0]
     texts = [
-        make(
-            "STATUSTEXT",
-            severity=6,
-            text=random.randbytes(50),
-            id=random.randrange(1, 65536),
-            chunk_seq=random.randrange(256),
-        )
-        for _ in range(random.choice((1, 20, 200)))
+        make("STATUSTEXT", severity=6, text=random.randbytes(50), id=number, chunk_seq=random.randrange(256))
+        for number in random.choices(range(1, 65536), k=random.choice((1, 20, 200)))
     ]
-    texts += [
-        make(
-            "PARAM_VALUE",
-            param_id=random.randbytes(16),
-            param_value=random.choice(ODD_FLOATS),
-            param_type=9,
-            param_count=65535,
-            param_index=k,
-        )
-        for k in range(random.choice((0, 20)))
-    ]
+    kind = {"param_type": 9, "param_count": 65535}
+    for k in range(random.choice((0, 20))):
+        odd = {"param_id": random.randbytes(16), "param_value": random.choice(ODD_FLOATS)}
+        texts.append(make("PARAM_VALUE", param_index=k, **odd, **kind))
     return data[:at] + b"".join(codec.pack(text) for text in texts) + data[at:]
 
 

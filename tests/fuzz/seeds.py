@@ -126,78 +126,31 @@ def frames(length: float = np.inf) -> list[tuple[int, bytes]]:
     d, codec, found = drive(length), Codec(1, 1), list[tuple[int, bytes]]()
 
     def said(t: float, name: str, /, **fields: Any) -> None:
-        found.append(
-            (
-                round(1e6 * (1.7e9 + t)),
-                codec.pack(getattr(dialect, f"MAVLink_{name.lower()}_message")(**fields)),
-            )
-        )
+        message = getattr(dialect, f"MAVLink_{name.lower()}_message")(**fields)
+        found.append((round(1e6 * (1.7e9 + t)), codec.pack(message)))
 
     for n, (name, value) in enumerate(PARAMETERS.items()):
-        said(
-            0.0,
-            "PARAM_VALUE",
-            param_id=name.encode(),
-            param_value=value,
-            param_type=9,
-            param_count=len(PARAMETERS),
-            param_index=n,
-        )
+        known = {"param_type": 9, "param_count": len(PARAMETERS), "param_index": n}
+        said(0.0, "PARAM_VALUE", param_id=name.encode(), param_value=value, **known)
     said(0.0, "STATUSTEXT", severity=6, text=BANNER.encode())
     rows = zip(*(x.tolist() for x in (d.t, d.pwm, d.r, d.p, d.ay, d.vy, d.psi, d.state)), strict=True)
     for k, (t, pwm, r, p, ay, vy, psi, state) in enumerate(rows):
         ms, us = round(1e3 * t), round(1e6 * t)
-        said(
-            t,
-            "ATTITUDE",
-            time_boot_ms=ms,
-            roll=0.0,
-            pitch=0.0,
-            yaw=psi,
-            rollspeed=p,
-            pitchspeed=0.0,
-            yawspeed=r,
-        )
-        said(
-            t,
-            "RAW_IMU",
-            time_usec=us,
-            xacc=0,
-            yacc=_short(ay / 9.80665e-3),
-            zacc=-1000,
-            xgyro=_short(1e3 * p),
-            ygyro=0,
-            zgyro=_short(1e3 * r),
-            xmag=0,
-            ymag=0,
-            zmag=0,
-        )
-        said(
-            t,
-            "SERVO_OUTPUT_RAW",
-            time_usec=us,
-            port=0,
-            servo1_raw=round(pwm),
-            servo2_raw=0,
-            servo3_raw=1600,
-            **{f"servo{i}_raw": 0 for i in range(4, 9)},
-        )
+        still = dict.fromkeys(("roll", "pitch", "pitchspeed"), 0.0)
+        said(t, "ATTITUDE", time_boot_ms=ms, yaw=psi, rollspeed=p, yawspeed=r, **still)
+        none = dict.fromkeys(("xacc", "ygyro", "xmag", "ymag", "zmag"), 0)
+        moved = {"yacc": _short(ay / 9.80665e-3), "xgyro": _short(1e3 * p), "zgyro": _short(1e3 * r)}
+        said(t, "RAW_IMU", time_usec=us, zacc=-1000, **moved, **none)
+        pulses = {f"servo{n}_raw": 0 for n in range(1, 9)} | {"servo1_raw": round(pwm), "servo3_raw": 1600}
+        said(t, "SERVO_OUTPUT_RAW", time_usec=us, port=0, **pulses)
         if k % SLOW == 0:
             vn, ve = _north_east(psi, vy)
             said(t, "LOCAL_POSITION_NED", time_boot_ms=ms, x=0.0, y=0.0, z=0.0, vx=vn, vy=ve, vz=0.0)
             said(t, "NAMED_VALUE_FLOAT", time_boot_ms=ms, name=b"SWP_ST", value=float(state))
             said(t, "NAMED_VALUE_FLOAT", time_boot_ms=ms, name=b"SWP_RUN", value=1.0)
         if k % 50 == 0:
-            said(
-                t,
-                "HEARTBEAT",
-                type=10,
-                autopilot=3,
-                base_mode=128,
-                custom_mode=0,
-                system_status=4,
-                mavlink_version=3,
-            )
+            beat = {"type": 10, "autopilot": 3, "base_mode": 128, "custom_mode": 0, "system_status": 4}
+            said(t, "HEARTBEAT", mavlink_version=3, **beat)
     said(t, "STATUSTEXT", severity=6, text=b"SWP: run 1 done")
     return found
 

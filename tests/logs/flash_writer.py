@@ -5,18 +5,7 @@ from __future__ import annotations
 import struct
 from collections.abc import Iterable, Mapping
 
-CODES = {
-    "Q": "Q",
-    "I": "I",
-    "H": "H",
-    "B": "B",
-    "f": "f",
-    "c": "h",
-    "N": "16s",
-    "Z": "64s",
-    "n": "4s",
-    "h": "h",
-}
+CODES = {code: code for code in "QIHBfh"} | {"c": "h", "N": "16s", "Z": "64s", "n": "4s"}
 FACTORS = {"c": 100}
 
 

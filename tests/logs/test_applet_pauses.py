@@ -86,17 +86,6 @@ def test_a_servo_that_was_released_in_a_pause_is_seen_there(length: float, phase
     assert "RCOU, which is used there, shows that the servo moved by up to" in texts(run, "warning")
 
 
-def test_a_servo_that_kept_its_position_is_no_warning() -> None:
-    log, output, gaps = paused(0.3, to=TRIM)
-    held = output.x.copy()
-    for a, b in gaps:
-        held[(output.t >= a) & (output.t < b)] = at(output, np.array([a]))[0]
-    coarse = replace(log.steering[1], x=at(replace(output, x=held), log.steering[1].t))
-    fine = replace(log.steering[0], t=log.applet.t, x=at(output, log.applet.t))  # type: ignore[union-attr]
-    run = judged(replace(log, steering=(joined_steering(fine, coarse), coarse)))
-    assert "pause" not in texts(run, "warning") and "the servo kept its position" in texts(run, "info")
-
-
 @pytest.mark.parametrize("other", ["none", "mirrored", "constant"])
 def test_without_rcou_of_this_output_a_pause_is_assumed_constant_and_says_so(other: str) -> None:
     """RCOU of another channel must not become the steering of a pause."""

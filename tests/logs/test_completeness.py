@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import pytest
 from drives import applet_rows, drive
 from recordings import NOMINAL
@@ -51,22 +50,14 @@ def without(log: Log, start: float, end: float) -> Log:
     return replace(log, signals={n: part(s) for n, s in log.signals.items()}, steering=steering)
 
 
-@pytest.mark.parametrize("share", [0.4, 0.55, 0.7])
-def test_a_cut_bin_says_so(tmp_path: Path, share: float) -> None:
-    data = (NOMINAL / "run1.BIN").read_bytes()
-    path = tmp_path / "run1.BIN"
+@pytest.mark.parametrize(("name", "share"), [("run1.BIN", 0.4), ("run1.BIN", 0.7), ("run1.tlog", 0.5)])
+def test_a_cut_log_says_so(tmp_path: Path, name: str, share: float) -> None:
+    data = (NOMINAL / name).read_bytes()
+    path = tmp_path / name
     path.write_bytes(data[: int(len(data) * share)])
     (run,) = read_runs(str(path))
     assert "The recording ends before the end of the run: it ends at" in warnings(run)
     assert "the applet did not announce the end of the run" in warnings(run)
-
-
-def test_a_cut_tlog_says_so(tmp_path: Path) -> None:
-    data = (NOMINAL / "run1.tlog").read_bytes()
-    path = tmp_path / "run1.tlog"
-    path.write_bytes(data[: len(data) // 2])
-    (run,) = read_runs(str(path))
-    assert "The recording ends before the end of the run" in warnings(run)
 
 
 @pytest.mark.parametrize("name", ["run1.BIN", "run2.BIN", "run4.BIN", "run1.tlog"])
@@ -75,11 +66,10 @@ def test_a_whole_run_says_nothing_of_the_kind(name: str) -> None:
     assert "The recording" not in warnings(run) and "hole" not in warnings(run)
 
 
-@pytest.mark.parametrize("share", [0.27, 0.3, 0.36])
-def test_a_stump_is_refused(tmp_path: Path, share: float) -> None:
+def test_a_stump_is_refused(tmp_path: Path) -> None:
     data = (NOMINAL / "run1.BIN").read_bytes()
     path = tmp_path / "run1.BIN"
-    path.write_bytes(data[: int(len(data) * share)])
+    path.write_bytes(data[: int(len(data) * 0.3)])
     with pytest.raises(DataRefused, match="run1: only .. s of the run were recorded, with . half waves"):
         read_runs(str(path))
 
@@ -106,14 +96,6 @@ def test_states_that_end_in_the_wave() -> None:
     assert found.notes == ()
 
 
-def test_a_start_without_an_end_is_found_beside_a_whole_run() -> None:
-    log, (one, two) = drive([SWEEP, SWEEP])
-    marks = ((one, "SWP: run 1 start sweep"), (one + 42, "SWP: run 1 done"), (two, "SWP: run 2 start sweep"))
-    runs = find_runs(cut(replace(log, marks=marks), 0.0, two + 30.0))
-    assert [r.kind for r in runs] == ["sweep", "sweep"]
-    assert runs[0].notes == () and "did not announce the end of the run" in warnings(runs[1])
-
-
 def test_a_hole_within_a_run_is_told_with_place_and_length() -> None:
     log, (start,) = drive([SWEEP])
     broken = without(log, start + 20.0, start + 23.5)
@@ -138,15 +120,3 @@ def test_a_stump_beside_a_whole_run_is_left_out_and_told() -> None:
     marks = ((one, "SWP: run 1 start sweep"), (one + 42, "SWP: run 1 done"), (two, "SWP: run 2 start sweep"))
     (run,) = find_runs(cut(replace(log, marks=marks), 0.0, two + 12.0))
     assert "Another run was left out: made run 2: only 9 s of the run were recorded" in warnings(run)
-
-
-def test_the_cost_does_not_grow_with_a_gap() -> None:
-    log, (start,) = drive([SWEEP])
-
-    def late(s: Signal) -> Signal:
-        return replace(s, t=np.where(s.t > start + 25.0, s.t + 1e9, s.t))
-
-    signals = {n: late(s) for n, s in log.signals.items()}
-    runs = find_runs(replace(log, signals=signals, steering=(late(log.steering[0]),)))
-    assert [r.span[1] - r.span[0] < 60.0 for r in runs] == [True] * len(runs)
-    assert all(b - a < 60.0 for r in runs for a, b in (*r.standstill, *r.straight))

@@ -19,7 +19,6 @@ from rover_sweep.cli.main import cli
 from rover_sweep.data.recording import Array
 from rover_sweep.errors import DataRefused, UsageError
 from rover_sweep.logs.read import read_logs
-from rover_sweep.logs.readers.column_names import is_commanded
 from rover_sweep.logs.readers.guessed_columns import ColumnGuess, FoundColumn, guess_columns
 from rover_sweep.logs.readers.tables import read_table, seconds_of
 
@@ -200,36 +199,21 @@ FORMATS: dict[str, Callable[[Path], tuple[Path, dict[str, Any]]]] = {
 
 
 @pytest.mark.parametrize("kind", FORMATS)
-def test_a_file_gives_its_channels_on_one_clock(kind: str, tmp_path: Path) -> None:
+def test_its_columns_are_found_and_its_channels_are_on_one_clock(kind: str, tmp_path: Path) -> None:
     path, names = FORMATS[kind](tmp_path)
+    found = guess_columns(read_table([path])).map
+    column, told = (
+        {k: v.get("column", v) if isinstance(v, dict) else v for k, v in one.items()}
+        for one in (names, found)
+    )
+    assert {k: told.get(k) for k in column} == column
+    assert kind != "parquet" or found["delta"]["unit"] == "deg"
     (log,) = read_logs(str(path), column_map=names)
     d = drive(200.0)
     start = log.signals["r"].t[0]
     for signal, key in ((log.signals["r"], "r"), (log.signals["speed"], "v"), (log.steering[0], "delta")):
         true = np.interp(signal.t - start, d["t"], d[key])
         assert float(np.std(signal.x - true)) < 0.04 * float(np.std(true)) + 0.02, key
-
-
-@pytest.mark.parametrize("kind", FORMATS)
-def test_its_columns_are_found(kind: str, tmp_path: Path) -> None:
-    path, names = FORMATS[kind](tmp_path)
-    found = guess_columns(read_table([path])).map
-    column = {k: v.get("column", v) if isinstance(v, dict) else v for k, v in names.items()}
-    told = {k: v.get("column", v) if isinstance(v, dict) else v for k, v in found.items()}
-    assert {k: told.get(k) for k in column} == column
-    if kind == "parquet":
-        assert found["delta"]["unit"] == "deg"
-    (log,) = read_logs(str(path))
-    assert {"r", "speed"} <= set(log.signals)
-
-
-def test_the_first_numbers_come_from_the_file_alone(tmp_path: Path) -> None:
-    path, _ = as_matlab(tmp_path)
-    driven = rs.identify_driving(path)
-    assert driven.level == "good" and driven.numbers["wheelbase_seen"].value == pytest.approx(
-        WHEELBASE, rel=0.03
-    )
-    assert 'delta = "steering"' in driven.read[0]
 
 
 def joined(folder: Path) -> str:
@@ -324,22 +308,6 @@ def test_what_is_not_found_is_a_comment_to_complete(tmp_path: Path) -> None:
         read_logs(str(path))
 
 
-def test_a_sensor_that_is_mounted_turned_is_found(tmp_path: Path) -> None:
-    d = drive()
-    columns = {"t": d["t"], "gyro_z": d["r"], "acc_x": -d["ay"], "acc_y": d["ax"], "vx": d["v"]}
-    path = written(tmp_path / "imu.csv", {**columns, "servo": 1500 + 600 * d["delta"]})
-    found = guessed(path)
-    assert found.map["ay"] == {"column": "acc_x", "scale": -1} and found.map["pwm"] == "servo"
-    assert "so the sensor is mounted turned" in found.text()
-
-
-def test_a_steering_that_stays_is_named(tmp_path: Path) -> None:
-    d = drive()
-    columns = {"t": d["t"], "yaw_rate": d["r"], "speed": d["v"], "throttle": d["r"] + 0.1 * d["ax"]}
-    found = guessed(written(tmp_path / "circle.csv", {**columns, "steering": 0 * d["t"] + 0.2}))
-    assert found.missing == ("steering",) and "steering does not change" in found.text()
-
-
 def test_a_missing_library_is_one_sentence(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(__import__("sys").modules, "pyulog", None)
     path = tmp_path / "drive.ulg"
@@ -384,25 +352,16 @@ def test_text_above_the_names_of_the_columns_is_passed_over(tmp_path: Path) -> N
     assert [note.text for note in table.notes] == ["fahrt.csv: the names of its columns are in line 4"]
 
 
-def test_a_header_that_lacks_a_name_is_still_refused(tmp_path: Path) -> None:
-    path = tmp_path / "drive.csv"
-    path.write_text("t,speed\n" + "".join(f"{n},2.0,0.1,0.2,0.3\n" for n in range(40)))
-    with pytest.raises(DataRefused, match="line 2 has 5 of 2 columns"):
-        read_table([path])
-
-
-def test_a_unit_that_is_not_certain_is_said() -> None:
-    line = FoundColumn("speed", "v", "likely", "unit m/s, not certain", ('speed = {unit = "km/h"}',))
-    assert "; the unit of speed is not certain; to correct them" in ColumnGuess("a.csv", (line,)).sentence()
-
-
 def test_numbers_that_scale_with_a_guessed_unit_are_rough(tmp_path: Path) -> None:
     d = drive()
     columns = {"t": d["t"], "steering": d["delta"], "yaw_rate (rad/s)": d["r"], "v": 3.6 * d["v"]}
     answer = rs.identify_driving(written(tmp_path / "kmh.csv", columns))
     assert answer.level == "rough" and "the unit of the speed is a guess" in answer.reasons[-1]
+    assert 'delta = "steering"' in answer.read[0] and 'r = "yaw_rate (rad/s)"' in str(answer)
     named = {"v (km/h)" if name == "v" else name: x for name, x in columns.items()}
-    assert rs.identify_driving(written(tmp_path / "named.csv", named)).level == "good"
+    driven = rs.identify_driving(written(tmp_path / "named.csv", named))
+    assert driven.level == "good"
+    assert driven.numbers["wheelbase_seen"].value == pytest.approx(WHEELBASE, rel=0.03)
 
 
 def hand_made(**changed: Any) -> dict[str, Any]:
@@ -410,12 +369,15 @@ def hand_made(**changed: Any) -> dict[str, Any]:
     return {"t": d["t"], "steer": d["delta"] / 0.35, "speed": d["v"], "gz": d["r"]} | changed
 
 
+STILL = 0 * drive()["v"]
+
+
 @pytest.mark.parametrize(
     ("columns", "words"),
     [
         ({name: column[:1] for name, column in hand_made().items()}, "only 1 row; at least 20 are needed"),
-        (hand_made(steer=0.2 + 0 * drive()["v"], gz=0.1 + 0 * drive()["v"]), "steer does not change"),
-        (hand_made(speed=0 * drive()["v"]), "the vehicle stands still: speed is 0 in all rows"),
+        (hand_made(steer=0.2 + STILL, gz=0.1 + STILL), "steer does not change"),
+        (hand_made(speed=STILL), "the vehicle stands still: speed is 0 in all rows"),
     ],
 )
 def test_what_no_map_can_mend_is_said(columns: dict[str, Any], words: str, tmp_path: Path) -> None:
@@ -423,33 +385,29 @@ def test_what_no_map_can_mend_is_said(columns: dict[str, Any], words: str, tmp_p
         read_logs(str(written(tmp_path / "drive.csv", columns)))
 
 
-def test_latitude_and_longitude_are_named(tmp_path: Path) -> None:
-    d = drive()
-    columns = {"t": d["t"], "steering": d["delta"], "lat": 48 + d["y"] / 111e3, "lon": 11 + d["x"] / 74e3}
-    text = guessed(written(tmp_path / "gps.csv", columns)).text()
-    assert "# lat and lon are not read as a position; add columns of it in m" in text
-
-
-def test_a_speed_below_0_says_that_its_sign_is_changed(tmp_path: Path) -> None:
-    d = drive()
-    path = written(tmp_path / "back.csv", hand_made(speed=-d["v"]))
-    assert "sign changed, as most of it is below 0: forward is positive" in guessed(path).text()
-
-
-def test_two_columns_of_one_name_are_refused(tmp_path: Path) -> None:
-    path = written(tmp_path / "drive.csv", hand_made())
-    path.write_text(path.read_text().replace("speed", "steer", 1))
+def test_tables_that_cannot_be_joined_or_named_are_refused(tmp_path: Path) -> None:
+    twice = written(tmp_path / "drive.csv", hand_made())
+    twice.write_text(twice.read_text().replace("speed", "steer", 1))
     with pytest.raises(DataRefused, match="it has 2 columns steer; rename all but one"):
-        read_logs(str(path))
+        read_logs(str(twice))
+    lacking = tmp_path / "lacking.csv"
+    lacking.write_text("t,speed\n" + "".join(f"{n},2.0,0.1,0.2,0.3\n" for n in range(40)))
+    with pytest.raises(DataRefused, match="line 2 has 5 of 2 columns"):
+        read_table([lacking])
 
 
-def test_files_of_different_times_are_refused(tmp_path: Path) -> None:
+def test_what_a_guess_is_not_certain_of_is_a_comment(tmp_path: Path) -> None:
     d = drive()
-    imu = written(tmp_path / "imu.csv", {"stamp": BEGAN + d["t"], "gz": d["r"]})
-    late = BEGAN + d["t"] + 5000
-    cmd = written(tmp_path / "cmd.csv", {"stamp": late, "steer": d["delta"], "speed": d["v"]})
-    with pytest.raises(DataRefused, match="its parts were recorded at no common time"):
-        read_logs(f"{imu}+{cmd}")
+    gps = {"t": d["t"], "steering": d["delta"], "lat": 48 + d["y"] / 111e3, "lon": 11 + d["x"] / 74e3}
+    still = {"t": d["t"], "yaw_rate": d["r"], "speed": d["v"], "throttle": d["r"] + 0.1 * d["ax"]}
+    for columns, words in (
+        (gps, "# lat and lon are not read as a position; add columns of it in m"),
+        (hand_made(speed=-d["v"]), "sign changed, as most of it is below 0: forward is positive"),
+        (still | {"steering": 0.2 + STILL}, "steering does not change"),
+    ):
+        assert words in guessed(written(tmp_path / "log.csv", columns)).text()
+    line = FoundColumn("speed", "v", "likely", "unit m/s, not certain", ('speed = {unit = "km/h"}',))
+    assert "; the unit of speed is not certain; to correct them" in ColumnGuess("a.csv", (line,)).sentence()
 
 
 def test_a_text_file_of_columns_is_read_and_others_are_refused(tmp_path: Path) -> None:
@@ -461,15 +419,6 @@ def test_a_text_file_of_columns_is_read_and_others_are_refused(tmp_path: Path) -
     other = path.rename(tmp_path / "drive.py")
     refused = CliRunner().invoke(cli, ["columns", str(other)])
     assert "drive.py cannot be read; give a .BIN" in str(refused.exception)
-
-
-def test_python_prints_how_a_file_was_read(tmp_path: Path) -> None:
-    driven = rs.identify_driving(written(tmp_path / "drive.csv", hand_made()))
-    assert 'speed = "speed"' in str(driven)
-
-
-def test_a_speed_is_no_set_point() -> None:
-    assert is_commanded("speed_sp") and is_commanded("/drive.drive.speed") and not is_commanded("speed")
 
 
 @pytest.mark.parametrize(

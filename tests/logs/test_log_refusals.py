@@ -75,13 +75,9 @@ def test_the_made_log_is_good_if_nothing_is_wrong_with_it(tmp_path: Path) -> Non
     assert run["r"].x.max() == pytest.approx(0.3, abs=0.01)
     assert "vy" not in run  # it is zero throughout
     assert any("vy does not change" in n.text for n in run.notes)
-
-
-def test_unexcited(tmp_path: Path) -> None:
+    parameters = {"SERVO1_FUNCTION": 26.0, "SERVO2_FUNCTION": 73, "SERVO3_FUNCTION": 74}
+    assert len(read_runs(vehicle_log(tmp_path, steer=80, parameters=parameters))) == 1
     assert "no steering excitation while driving (steering 1500 to 1500 us" in refusal(vehicle_log(tmp_path))
-
-
-def test_static(tmp_path: Path) -> None:
     assert "never drove (speed up to 0.05 m/s)" in refusal(vehicle_log(tmp_path, speed=0.05, steer=80))
 
 
@@ -115,11 +111,6 @@ def test_a_second_steering_output_is_named(tmp_path: Path) -> None:
     assert note.level == "warning" and "SERVO1_FUNCTION and SERVO4_FUNCTION are 26" in note.text
     (run,) = read_runs(vehicle_log(tmp_path, steer=80))
     assert not [n for n in run.notes if "four-wheel" in n.text]
-
-
-def test_steered_wheels_beside_left_and_right_thrust_are_taken(tmp_path: Path) -> None:
-    parameters = {"SERVO1_FUNCTION": 26.0, "SERVO2_FUNCTION": 73, "SERVO3_FUNCTION": 74}
-    assert len(read_runs(vehicle_log(tmp_path, steer=80, parameters=parameters))) == 1
 
 
 @pytest.mark.parametrize(

@@ -3,19 +3,23 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from drives import applet_rows, drive, log_of, signal
 from recordings import DEFAULTS, NOMINAL
 
+from rover_sweep.errors import DataRefused
+from rover_sweep.logs.applet import throttle_runs
 from rover_sweep.logs.find import find_runs
 from rover_sweep.logs.judgement import with_notes
 from rover_sweep.logs.log import AppletRows
-from rover_sweep.logs.read import read_logs
+from rover_sweep.logs.read import read_logs, read_runs
 from rover_sweep.logs.readers.vehicle_clock import paired
 from rover_sweep.logs.wave import kind_of
-from rover_sweep.manoeuvre.sweep import Doublet, Manoeuvre, Sweep
+from rover_sweep.manoeuvre.multisine import Multisine
+from rover_sweep.manoeuvre.sweep import BiasSweep, Doublet, Manoeuvre, Sweep
 
 SWEEP: Manoeuvre = Sweep(amplitude=100, t_rec=30, w_min=0.8)
 DOUBLET: Manoeuvre = Doublet(amplitude=120)
@@ -48,33 +52,6 @@ def test_recordings_need_neither_applet_nor_messages(source: object) -> None:
         assert by_states.span[1] - 4.0 <= other.span[1] <= by_states.span[1] + 0.1
 
 
-STATES = [
-    (0.0, 1),
-    (4.0, 2),
-    (6.0, 3),
-    (9.0, 4),
-    (11.0, 5),
-    (13.0, 6),
-    (43.0, 7),
-    (45.0, 8),
-    (48.0, 9),
-    (52.0, 0),
-]
-
-
-def test_states_of_the_applet_bound_the_run() -> None:
-    log, (start,) = drive([SWEEP])
-    shifted = [(start - 6.0 + at, number) for at, number in STATES]
-    rows = applet_rows(log.steering[0].t, 7, shifted)
-    (run,) = find_runs(replace(log, applet=rows))
-    wave_start, wave_end = start + 3.0, start + 39.0
-    assert run.kind == "sweep"
-    assert wave_start - 3.05 < run.span[0] < wave_start and wave_end < run.span[1] < wave_end + 3.05
-    assert len(run.straight) == 2
-    for a, b in run.straight:
-        assert b <= wave_start + 0.1 or a >= wave_end - 0.1
-
-
 def test_two_runs_in_one_log_keep_apart() -> None:
     log, (one, two) = drive([SWEEP, DOUBLET], pause=4.0)
     first = applet_rows(
@@ -92,17 +69,6 @@ def test_two_runs_in_one_log_keep_apart() -> None:
     runs = find_runs(replace(log, applet=rows))
     assert [(r.name, r.kind) for r in runs] == [("made run 1", "sweep"), ("made run 2", "doublet")]
     assert runs[0].span[1] <= runs[1].span[0]
-
-
-def test_the_old_applets_clock_restarts_with_each_run() -> None:
-    log, (one, two) = drive([SWEEP, SWEEP])
-    t = log.steering[0].t
-    inside = [(s + 3, s + 39) for s in (one, two)]
-    part = [t[(t >= a) & (t < b)] for a, b in inside]
-    clock = np.concatenate([p - p[0] for p in part])
-    both = np.concatenate(part)
-    rows = AppletRows(both, np.ones(both.size), np.full(both.size, 2.0), clock)
-    assert [r.kind for r in find_runs(replace(log, applet=rows))] == ["sweep", "sweep"]
 
 
 def test_a_stopped_run_ends_where_the_pilot_took_over_and_says_why() -> None:
@@ -123,32 +89,6 @@ def test_halts_separate_runs_and_short_dips_do_not() -> None:
     assert len(find_runs(log_of(t, pwm, dip))) == 1
     halt = np.where((t > 20) & (t < 24), 0.0, 2.0)
     assert len(find_runs(log_of(t, pwm, halt))) == 2
-
-
-def test_moving_by_hand_is_no_standstill() -> None:
-    t = np.arange(0, 60, 0.02)
-    log = log_of(t, np.full(t.size, 1500.0), np.where(t > 30, 2.0, 0.0))
-    carried = replace(
-        log, signals={**log.signals, "r": signal(t, 0.5 * np.sin(3 * t) * ((t < 20) | (t > 35)), "rad/s")}
-    )
-    (run,) = find_runs(
-        replace(
-            carried,
-            steering=(signal(t, np.where(t > 35, 1500 + 50 * np.sin(t), 1500.0).astype(float), "us"),),
-        )
-    )
-    assert all(a >= 19.9 for a, _ in run.standstill) and run.standstill
-
-
-def test_kinds_of_waves() -> None:
-    t = np.arange(0, 60, 0.02)
-    sweep = Sweep(amplitude=150, t_rec=40).wave(t) + 1500
-    steady = 1500 + 100 * np.sin(3 * t)
-    pulses = Doublet(amplitude=80, count=4).wave(t) + 1510
-    turn = 1500 + 100.0 * (t > 20)
-    noise = 1500 + np.random.default_rng(1).normal(0, 60, t.size)
-    kinds = [kind_of(signal(t, x, "us", hold=True), 0.5, 59) for x in (sweep, steady, pulses, turn, noise)]
-    assert kinds == ["sweep", "other", "doublet", "other", "other"]
 
 
 def test_a_driver_who_holds_the_stick_drives_no_doublet() -> None:
@@ -187,12 +127,6 @@ def test_notes_on_gaps_uneven_sampling_and_end_stops() -> None:
     assert clean.notes == ()
 
 
-def test_steering_at_ten_hertz_is_told() -> None:
-    (log,) = read_logs(str(DEFAULTS / "run1.BIN"))
-    (run,) = (with_notes(r, log) for r in find_runs(log))
-    assert any("10 Hz" in n.text and "25 rad/s" in n.text for n in run.notes)
-
-
 def test_a_pair_that_covers_a_part_of_the_log_says_so() -> None:
     flash, _ = drive([SWEEP, SWEEP])
     half = flash.steering[0].between(0.0, 70.0)
@@ -202,3 +136,73 @@ def test_a_pair_that_covers_a_part_of_the_log_says_so() -> None:
     assert any("covers 0 to 70 s of the log's" in n.text for n in log.notes)
     whole = paired(coarse, (replace(telemetry, steering=coarse.steering),))
     assert not whole.notes
+
+
+# ---- A multisine and a sweep about a bias are recognised by their wave, and by what the applet said.
+
+MULTISINE = Multisine(t_rec=40)
+
+
+@pytest.mark.parametrize("rate", [40.0])
+@pytest.mark.parametrize(
+    "manoeuvre",
+    [
+        MULTISINE,
+        Multisine(t_rec=40, periods=2),
+        Multisine(t_rec=60, periods=6, w_max=12),
+        BiasSweep(bias=100),
+        BiasSweep(amplitude=80, bias=-200),
+        Sweep(),
+        Doublet(),
+    ],
+    ids=lambda m: m.kind,
+)
+def test_wave_alone_tells_the_kind(manoeuvre: Manoeuvre, rate: float) -> None:
+    t = np.arange(0.0, manoeuvre.duration, 1 / rate)
+    steering = signal(t, np.round(1500 + manoeuvre.wave(t)), "us", hold=True)
+    assert kind_of(steering, 3.0, manoeuvre.duration - 3.0) == manoeuvre.kind
+
+
+def weaving(t: np.ndarray) -> np.ndarray:
+    """A driver that weaves: a sine whose pace and width wander."""
+    rng = np.random.default_rng(3)
+    wander = np.cumsum(rng.standard_normal((2, t.size)), axis=1) * np.sqrt(t[1] - t[0])
+    return np.asarray((100 + 8 * wander[0]) * np.sin(2.0 * t + 0.4 * wander[1]))
+
+
+def test_weaving_and_a_mere_sine_are_no_multisine() -> None:
+    t = np.arange(0.0, 60.0, 0.02)
+    for wave in (weaving(t), 100 * np.sin(2.0 * t), 80 * np.sin(2.0 * t) + 10 * np.sin(6.0 * t)):
+        assert kind_of(signal(t, 1500 + wave, "us", hold=True), 0.0, 60.0) == "other"
+
+
+@pytest.mark.parametrize(
+    ("manoeuvre", "name"), [(Multisine(t_rec=40, w_max=12), "multisine"), (BiasSweep(t_rec=30), "bias sweep")]
+)
+def test_word_of_the_applet_counts(manoeuvre: Manoeuvre, name: str) -> None:
+    log, (start,) = drive([manoeuvre])
+    marks = ((start, f"SWP: run 1 start {name}"), (start + manoeuvre.duration, "SWP: run 1 done"))
+    (run,) = find_runs(replace(log, marks=marks))
+    assert run.kind == manoeuvre.kind
+    slow = replace(log.steering[0], t=log.steering[0].t[::12], x=log.steering[0].x[::12])
+    (run,) = find_runs(replace(log, marks=marks, steering=(slow,)))  # 8 Hz tell no wave
+    assert run.kind == manoeuvre.kind
+
+
+# ---- A throttle sweep in a log of the real firmware: found, not taken for steering, near the truth.
+
+THROTTLE = Path(__file__).parents[1] / "data" / "ardurover-4.6.3" / "throttle" / "sweep.BIN"
+STEERED = Path(__file__).parents[1] / "data" / "ardurover-4.6.3" / "nominal" / "run1.BIN"
+
+
+def test_found_with_its_times_and_limits_and_is_no_steering_run() -> None:
+    (log,) = read_logs(str(THROTTLE))
+    (run,) = throttle_runs(log)
+    assert run.span[1] - run.span[0] == pytest.approx(72.0, abs=0.2)
+    assert (run.neutral_us, run.travel_us, run.swept, run.stopped) == (1500, 400, pytest.approx((0.2, 8)), "")
+    sent = run.pwm.between(*run.span).x
+    assert (sent[0], sent.max(), sent.min()) == (1692, 1752, 1632)
+    with pytest.raises(DataRefused):
+        read_runs(str(THROTTLE))
+    (steered,) = read_logs(str(STEERED))
+    assert throttle_runs(steered) == ()

@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from link_faults import corrupted, jittered, lost, records
-from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from recordings import DEFAULTS
 from test_tlog_reader import Telemetry, saved
 
@@ -15,9 +14,8 @@ from rover_sweep.data.recording import Recording
 from rover_sweep.errors import DataRefused
 from rover_sweep.logs.read import read_runs
 from rover_sweep.logs.readers import tlog
-from rover_sweep.logs.readers.tlog import parse_tlog, walk
+from rover_sweep.logs.readers.tlog import walk
 from rover_sweep.logs.readers.tlog_channels import read_telemetry
-from rover_sweep.logs.readers.vehicle_clock import sessions
 from rover_sweep.quality.verdict import assess
 
 SHARE = 0.05
@@ -62,11 +60,10 @@ def test_corrupted_frames_are_judged_as_lost_ones(
         assert noted == (what != "lost"), what
 
 
-@pytest.mark.parametrize("twice", [0.0, 0.05])
 def test_half_a_second_of_jitter_changes_nothing(
-    twice: float, sound: list[bytes], sound_run: Recording, tmp_path: Path
+    sound: list[bytes], sound_run: Recording, tmp_path: Path
 ) -> None:
-    run = only_run(tmp_path, jittered(sound, 0.5, 1, twice))
+    run = only_run(tmp_path, jittered(sound, 0.5, 1, twice=0.05))
     assert verdict(run) == verdict(sound_run)
     assert run.span == pytest.approx(sound_run.span, abs=0.02)
     for channel in ("r", "p", "ay", "vy", "pwm"):
@@ -87,6 +84,7 @@ def test_jitter_moves_no_message_to_another_start_of_the_vehicle(tmp_path: Path)
     assert before.signals["r"].t[[0, -1]] == pytest.approx([100.0, 119.95])
     assert before.signals["r"].t.size == 400
     assert after.signals["r"].t[[0, -1]] == pytest.approx([3.0, 12.95])
+    assert any("restarted" in n.text for n in before.notes)
 
 
 def test_the_servo_clock_wraps_while_messages_overtake_each_other(tmp_path: Path) -> None:
@@ -111,15 +109,8 @@ def test_a_wrong_length_or_stamp_costs_one_frame() -> None:
             assert found.frame_count >= count - 1, (byte, value, k)
             assert found.damaged == (byte >= 8 and bytes(changed) != sound[k]) or byte == 12
     assert walk(b"".join(sound)).damaged == 0
-
-
-def test_bytes_that_are_missing_cost_one_frame() -> None:
-    telemetry = Telemetry()
-    telemetry.drive(100.0, 1.0)
-    sound = records(telemetry.data)
-    for cut in (1, 5, 9, 20):
-        found = walk(b"".join([*sound[:10], sound[10][cut:], *sound[11:]]))
-        assert found.frame_count >= len(sound) - 1
+    for cut in (1, 9, 20):
+        assert walk(b"".join([*sound[:10], sound[10][cut:], *sound[11:]])).frame_count >= count - 1
 
 
 def test_a_log_with_more_damage_than_content_is_refused(tmp_path: Path) -> None:
@@ -129,18 +120,6 @@ def test_a_log_with_more_damage_than_content_is_refused(tmp_path: Path) -> None:
     bad = b"".join([sound[0], corrupted(sound[1:], 0.6, 1)])
     with pytest.raises(DataRefused, match=r"is damaged: \d+ frames have wrong bytes, \d+ are complete"):
         read_telemetry(saved(tmp_path, bad))
-
-
-def test_the_same_frame_twice_is_read_once() -> None:
-    telemetry = Telemetry()
-    telemetry.drive(100.0, 5.0)
-    telemetry.add(mavlink.MAVLink_statustext_message(6, b"SWP: run 1 done"))
-    twice = b"".join(record for record in records(telemetry.data) for _ in range(2))
-    (session,) = sessions(parse_tlog(twice, frozenset({"STATUSTEXT", "RAW_IMU"})).messages)
-    assert {name: len(frames) for name, frames in session.messages.items()} == {
-        "RAW_IMU": 100,
-        "STATUSTEXT": 1,
-    }
 
 
 @pytest.mark.parametrize("seed", range(4))
