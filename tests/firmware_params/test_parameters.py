@@ -11,7 +11,7 @@ from applet_bench import Bench, Drive
 from lupa.lua53 import LuaRuntime
 
 from firmware_params import applet_parameters, param_files
-from firmware_params.applet_parameters import PARAMETERS, STATES, applet_path, applet_source, for_manoeuvre
+from firmware_params.applet_parameters import PARAMETERS, STATES, applet_source, for_manoeuvre
 
 
 def test_names_and_defaults_are_those_that_the_applet_adds() -> None:
@@ -23,18 +23,12 @@ def test_names_and_defaults_are_those_that_the_applet_adds() -> None:
 
 def test_ranges_are_those_that_the_applet_refuses_beyond() -> None:
     table = re.search(r"local PARAMETERS = \{(.*?)\n\}", applet_source(), re.DOTALL)
-    assert table
+    assert table and len(STATES) == 11
     rows = re.findall(r'\{ "(\w+)", (\S+), (\S+), (\S+) \}', table[1])
+    assert f"local AUX_FUNCTION = {applet_parameters.AUX_FUNCTION} " in applet_source()
     assert [("SWP_" + n, float(d), float(lo), float(hi)) for n, d, lo, hi in rows] == [
         (p.name, p.default, p.low, p.high) for p in PARAMETERS
     ]
-
-
-def test_constants_shared_with_the_applet() -> None:
-    source = applet_source()
-    assert "local TABLE_KEY = 158 " in source
-    assert f"local AUX_FUNCTION = {applet_parameters.AUX_FUNCTION} " in source
-    assert applet_path().name == "rover_sweep.lua" and len(STATES) == 11
 
 
 def test_main_chunk_has_no_more_locals_than_the_autopilot_allows() -> None:
@@ -68,9 +62,6 @@ def test_shipped_files_have_a_reason_on_every_line(name: str) -> None:
     assert wanted and all(len(p.reason) > 10 and len(p.name) <= 16 for p in wanted)
     reboot = {p.name for p in wanted if p.needs_reboot}
     assert reboot == {p.name for p in wanted} & {"SCR_ENABLE", "SCR_HEAP_SIZE", "SCHED_LOOP_RATE"}
-
-
-def test_unknown_file_is_named() -> None:
     with pytest.raises(ValueError, match="'race'; there are identification, raw_imu"):
         param_files.shipped("race")
 

@@ -12,32 +12,17 @@ from applet_bench import HIGH, LABELS, LOW, SOONEST_S, Bench, Drive, happen, thr
 from firmware_params.applet_parameters import applet_source
 
 MOTOR, NEUTRAL, HELD = 2, 1500, 1660
-SETTINGS = {
-    "SWP_TYPE": 4,
-    "SWP_AMP": 60,
-    "SWP_STRAIGHT": 1,
-    "SWP_FADE": 1,
-    "SWP_DWELL": 1,
-    "SWP_TREC": 20,
-    "SWP_STILL": 0,
-}
-VEHICLE = {
-    "SERVO1_TRIM": 1500,
-    "SERVO1_MIN": 1100,
-    "SERVO1_MAX": 1900,
-    "SERVO3_TRIM": NEUTRAL,
-    "SERVO3_MIN": 1100,
-    "SERVO3_MAX": 1900,
-    "RCMAP_THROTTLE": 3,
-    "RC3_TRIM": 1500,
-}
+SETTINGS = {"TYPE": 4, "AMP": 60, "STRAIGHT": 1, "FADE": 1, "DWELL": 1, "TREC": 20, "STILL": 0}
+ENDS = {"TRIM": NEUTRAL, "MIN": 1100, "MAX": 1900}
+VEHICLE = {f"SERVO{n}_{name}": value for n in (1, 3) for name, value in ENDS.items()}
+VEHICLE |= {"RCMAP_THROTTLE": 3, "RC3_TRIM": 1500} | {f"SWP_{name}": v for name, v in SETTINGS.items()}
 
 
 @dataclass
 class MotorBench(Bench):
     """A rover at 2 m/s whose pilot holds the throttle at `HELD`; the motor is output 3, steering output 1."""
 
-    parameters: dict[str, float] = field(default_factory=lambda: {**VEHICLE, **SETTINGS})
+    parameters: dict[str, float] = field(default_factory=lambda: dict(VEHICLE))
     rc: dict[int, int] = field(default_factory=lambda: {1: 1500, 3: 1660, 6: 1100})
     velocity: tuple[float, float, float] | None = (1.2, 1.6, 0.0)
     pilot_pwm: int = HELD

@@ -14,8 +14,7 @@ import pytest
 from embedded_client import ROOT, Client, embedded
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sitl.autopilot.vehicle_parameters import ParameterStore
-from sitl.embedded import listening_address, main, parser, prepare
+from sitl.embedded import listening_address, main, parser
 from sitl.ground.server import UdpPeer
 
 ACCEPTED, DENIED, UNSUPPORTED, FAILED = 0, 2, 3, 4
@@ -42,18 +41,15 @@ def ready(client: Client) -> None:
     client.wait("SYSTEM_TIME", lambda m: m.time_boot_ms > 4000)
 
 
-def test_heartbeat_is_an_ardurover_in_manual(client: Client) -> None:
+def test_it_is_an_ardurover_in_manual_that_says_that_it_is_embedded(client: Client) -> None:
     beat = client.wait("HEARTBEAT")
     assert (beat.type, beat.autopilot, beat.custom_mode, beat.base_mode) == (10, 3, 0, 65)
-
-
-def test_version_says_that_it_is_embedded(client: Client) -> None:
-    assert client.command(mavlink.MAV_CMD_REQUEST_MESSAGE, 148) == ACCEPTED
     client.send(mavlink.MAVLink_command_long_message(1, 1, 512, 0, 148, 0, 0, 0, 0, 0, 0))
-    version = client.wait("AUTOPILOT_VERSION")
-    assert version.flight_sw_version >> 8 == 0x040603
+    assert client.wait("AUTOPILOT_VERSION").flight_sw_version >> 8 == 0x040603
     client.send(mavlink.MAVLink_param_request_list_message(1, 1))
     assert "embedded" in client.wait_text("ArduRover V4.6.3")
+    assert client.wait("LOCAL_POSITION_NED").time_boot_ms >= 10_000  # with the origin
+    assert client.wait("GLOBAL_POSITION_INT", lambda m: m.lat != 0).lat == pytest.approx(-353632620, abs=2000)
 
 
 def test_parameter_list_is_complete_and_numbered(client: Client) -> None:
@@ -75,25 +71,9 @@ def test_parameters_are_float32_and_integers_are_cut(client: Client) -> None:
     assert client.set_parameter("INS_ACCEL_FILTER", 20.9) == 20
     assert client.read_parameter("INS_ACCEL_FILTER").param_type == 4
     client.set_parameter("INS_ACCEL_FILTER", 10)
-
-
-def test_unknown_parameter_is_ignored(client: Client) -> None:
     client.send(mavlink.MAVLink_param_set_message(1, 1, b"NO_SUCH", 1.0, 9))
     client.send(mavlink.MAVLink_param_request_read_message(1, 1, b"NO_SUCH", -1))
-    assert client.absent("PARAM_VALUE", 3000)
-
-
-def test_rates_are_capped_by_the_loop_rate_of_50(client: Client) -> None:
-    assert client.interval(SERVO, 25_000) == ACCEPTED
-    assert client.interval(SERVO, 20_000) == DENIED
-    client.wait_text("Increase SCHED_LOOP_RATE")
-    assert client.command(mavlink.MAV_CMD_GET_MESSAGE_INTERVAL, SERVO) == ACCEPTED
-    client.send(mavlink.MAVLink_command_long_message(1, 1, 510, 0, SERVO, 0, 0, 0, 0, 0, 0))
-    assert client.wait("MESSAGE_INTERVAL").interval_us == 25_000  # the old rate stays
-    times = [client.wait("SERVO_OUTPUT_RAW").time_usec for _ in range(41)]
-    steps = sorted({round((b - a) / 1000) for a, b in zip(times, times[1:], strict=False)})
-    assert steps == [20, 40]
-    assert times[-1] - times[0] == pytest.approx(40 * 25_000, abs=20_000)
+    assert client.absent("PARAM_VALUE", 1000)
 
 
 def test_odometry_is_denied_and_intervals_are_cut_to_ms(client: Client) -> None:
@@ -102,14 +82,7 @@ def test_odometry_is_denied_and_intervals_are_cut_to_ms(client: Client) -> None:
     client.send(mavlink.MAVLink_command_long_message(1, 1, 510, 0, ATTITUDE, 0, 0, 0, 0, 0, 0))
     assert client.wait("MESSAGE_INTERVAL").interval_us == 33_000
     assert client.interval(ATTITUDE, -1) == ACCEPTED
-    assert client.absent("ATTITUDE", 2000)
-
-
-def test_raw_imu_is_in_milli_g_and_frd(client: Client) -> None:
-    client.interval(RAW_IMU, 100_000)
-    message = client.wait("RAW_IMU")
-    assert -1030 < message.zacc < -970
-    assert abs(message.xacc) < 30 and abs(message.zgyro) < 30
+    assert client.absent("ATTITUDE", 500)
 
 
 def test_override_moves_servos_only_from_the_pilots_system(port: int, client: Client) -> None:
@@ -127,15 +100,6 @@ def test_override_moves_servos_only_from_the_pilots_system(port: int, client: Cl
     )
     client.override(c1=0)
     client.wait("SERVO_OUTPUT_RAW", lambda m: m.servo1_raw == 1500)
-
-
-def test_override_lapses_after_three_seconds(client: Client) -> None:
-    ready(client)
-    client.interval(SERVO, 50_000)
-    client.override(c1=1900)
-    began = client.wait("SERVO_OUTPUT_RAW", lambda m: m.servo1_raw == 1900).time_usec
-    ended = client.wait("SERVO_OUTPUT_RAW", lambda m: m.servo1_raw == 1500).time_usec
-    assert 2.8e6 < ended - began < 3.2e6
 
 
 def test_throttle_moves_only_when_armed(client: Client) -> None:
@@ -157,32 +121,6 @@ def test_throttle_moves_only_when_armed(client: Client) -> None:
     client.wait("SERVO_OUTPUT_RAW", lambda m: m.servo3_raw == 1500)
 
 
-def test_modes_manual_and_hold(client: Client) -> None:
-    ready(client)
-    client.interval(SERVO, 50_000)
-    client.override(c1=1900)
-    client.wait("SERVO_OUTPUT_RAW", lambda m: m.servo1_raw == 1900)
-    assert client.command(mavlink.MAV_CMD_DO_SET_MODE, 1, 4) == ACCEPTED
-    client.wait("SERVO_OUTPUT_RAW", lambda m: m.servo1_raw == 1500)
-    assert client.wait("HEARTBEAT", lambda m: m.custom_mode == 4)
-    assert client.command(mavlink.MAV_CMD_DO_SET_MODE, 1, 10) == FAILED
-    assert client.command(mavlink.MAV_CMD_DO_SET_MODE, 1, 0) == ACCEPTED
-
-
-def test_lost_radio_holds(client: Client) -> None:
-    ready(client)
-    client.set_parameter("SIM_RC_FAIL", 1)
-    client.wait_text("Radio Failsafe")
-    assert client.wait("HEARTBEAT", lambda m: m.custom_mode == 4).system_status == mavlink.MAV_STATE_CRITICAL
-    assert client.arm() == FAILED
-    receiver = mavlink.MAV_SYS_STATUS_SENSOR_RC_RECEIVER
-    assert client.wait("SYS_STATUS", lambda m: not m.onboard_control_sensors_health & receiver)
-    client.set_parameter("SIM_RC_FAIL", 0)
-    client.wait_text("Radio Failsafe Cleared")
-    assert client.wait("SYS_STATUS", lambda m: m.onboard_control_sensors_health & receiver)
-    client.command(mavlink.MAV_CMD_DO_SET_MODE, 1, 0)
-
-
 def test_switch_six_and_its_command(client: Client) -> None:
     ready(client)
     client.texts.clear()
@@ -194,12 +132,10 @@ def test_switch_six_and_its_command(client: Client) -> None:
     assert client.command(mavlink.MAV_CMD_DO_AUX_FUNCTION, 300, 3) == DENIED
     assert client.command(mavlink.MAV_CMD_DO_AUX_FUNCTION, 1, 2) == FAILED
     assert client.command(mavlink.MAV_CMD_NAV_TAKEOFF) == UNSUPPORTED
-
-
-def test_position_appears_with_the_origin(client: Client) -> None:
-    first = client.wait("LOCAL_POSITION_NED")
-    assert first.time_boot_ms >= 10_000
-    assert client.wait("GLOBAL_POSITION_INT", lambda m: m.lat != 0).lat == pytest.approx(-353632620, abs=2000)
+    assert client.command(mavlink.MAV_CMD_DO_SET_MODE, 1, 10) == FAILED
+    assert client.command(mavlink.MAV_CMD_DO_SET_MODE, 1, 4) == ACCEPTED
+    assert client.wait("HEARTBEAT", lambda m: m.custom_mode == 4)
+    assert client.command(mavlink.MAV_CMD_DO_SET_MODE, 1, 0) == ACCEPTED
 
 
 def test_vehicle_time_waits_for_a_client_that_does_not_read(client: Client) -> None:
@@ -210,40 +146,6 @@ def test_vehicle_time_waits_for_a_client_that_does_not_read(client: Client) -> N
     client.send(mavlink.MAVLink_timesync_message(0, 77))
     answered_ms = client.wait("TIMESYNC", lambda m: m.ts1 == 77).tc1 / 1e6
     assert answered_ms - before_ms < 800  # 0.3 s, and what the client had fetched already
-
-
-def test_failsafe_without_a_ground_station(client: Client) -> None:
-    ready(client)
-    client.set_parameter("FS_GCS_ENABLE", 1)
-    client.send(mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 0, 3))
-    client.wait_text("Failsafe")  # "Radio Failsafe" even: the firmware names whichever check comes first
-    client.wait("HEARTBEAT", lambda m: m.custom_mode == 4)
-    client.set_parameter("FS_GCS_ENABLE", 0)
-    client.command(mavlink.MAV_CMD_DO_SET_MODE, 1, 0)
-
-
-def test_a_lost_ground_station_is_gone_for_real_time(port: int, client: Client) -> None:
-    client.interval(RAW_IMU, 25_000)
-    left_us = client.wait("RAW_IMU").time_usec
-    client.close()
-    time.sleep(0.6)
-    back = Client(port)
-    back.interval(RAW_IMU, 25_000)
-    assert 0.5e6 < back.wait("RAW_IMU").time_usec - left_us < 2.0e6
-    back.close()
-
-
-def test_speedup(tmp_path: Path) -> None:
-    with embedded(tmp_path, "--speedup", "5") as number:
-        client = Client(number)
-        client.interval(RAW_IMU, 100_000)
-        ratios = []
-        for _ in range(3):  # a busy machine delays a message, so one of three may be off
-            first, began = client.wait("RAW_IMU").time_usec, time.monotonic()
-            last = client.wait("RAW_IMU", lambda m, t=first: m.time_usec > t + 3_000_000).time_usec
-            ratios.append((last - first) * 1e-6 / (time.monotonic() - began))
-        assert sorted(ratios)[1] == pytest.approx(5.0, rel=0.15)
-        client.close()
 
 
 def test_reboot_drops_the_connection_and_changes_the_loop_rate(tmp_path: Path) -> None:
@@ -276,22 +178,15 @@ def test_udp_sends_first_and_hears_the_answer(tmp_path: Path) -> None:
         with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=ROOT) as program:
             try:
                 assert program.stdout is not None
-                assert json.loads(program.stdout.readline()) == {
-                    "tcp": None,
-                    "udp": target,
-                    "directory": str(tmp_path),
-                }
-                mav = mavlink.MAVLink(None, srcSystem=255)
-                kinds: list[str] = []
-                asked = False
+                said = json.loads(program.stdout.readline())
+                assert said == {"tcp": None, "udp": target, "directory": str(tmp_path)}
+                mav, kinds = mavlink.MAVLink(None, srcSystem=255), list[str]()
                 while "PARAM_VALUE" not in kinds:
                     data, vehicle = ground.recvfrom(65536)
-                    assert vehicle[0] == "127.0.0.1"
-                    kinds += [m.get_type() for m in mav.parse_buffer(data) or []]
-                    if not asked:
+                    if not kinds:
                         read = mavlink.MAVLink_param_request_read_message(1, 1, b"SYSID_MYGCS", -1)
                         ground.sendto(read.pack(mav), vehicle)
-                        asked = True
+                    kinds += [m.get_type() for m in mav.parse_buffer(data) or []]
                 assert "HEARTBEAT" in kinds
             finally:
                 program.terminate()
@@ -303,7 +198,7 @@ def test_a_rover_that_nobody_talks_to_waits_without_working_and_ends_on_sigterm(
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=ROOT) as program:
         assert program.stdout is not None
         assert json.loads(program.stdout.readline())["tcp"] > 0
-        time.sleep(0.3)
+        time.sleep(0.1)
         program.terminate()
         assert program.wait(3.0) == 0
     assert list((tmp_path / "logs").iterdir()) == []
@@ -331,9 +226,3 @@ def test_wrong_usage_gets_one_sentence_and_code_2(
     assert main(["--directory", str(tmp_path), *options]) == 2
     errors = capsys.readouterr().err.splitlines()
     assert len(errors) == 1 and sentence in errors[0]
-
-
-def test_prepare_brings_the_applet_and_the_parameters(tmp_path: Path) -> None:
-    prepare(tmp_path, True, [("SCR_ENABLE", 1.0)])
-    assert "SWP_" in (tmp_path / "scripts" / "rover_sweep.lua").read_text()
-    assert ParameterStore(tmp_path / "parameters.txt")["SCR_ENABLE"] == 1

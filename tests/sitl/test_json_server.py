@@ -76,13 +76,6 @@ def test_a_smaller_frame_count_starts_afresh() -> None:
     assert physics.answer(frame(0)) == first
 
 
-def test_channels_can_be_chosen() -> None:
-    physics = Physics(NOMINAL, steering_channel=4, throttle_channel=2)
-    for count in range(2400):
-        physics.answer(ServoFrame(1200, count, (0, 1700, 0, 1600) + (0,) * 12))
-    assert physics.plant.state.vx > 0.5 and physics.plant.state.delta < -0.05
-
-
 def test_replies_are_consistent_and_unfiltered() -> None:
     """Yaw from the body rates by integration, at rest the raw noise of a sample, gravity up."""
     physics = Physics(NOMINAL)
@@ -91,12 +84,12 @@ def test_replies_are_consistent_and_unfiltered() -> None:
     assert np.std(gyro[:, 2]) == pytest.approx(0.010, rel=0.1)
     assert np.mean([line["imu"]["accel_body"][2] for line in still]) == pytest.approx(-GRAVITY, abs=0.06)
     yaw = 0.0
-    for k in range(1200, 6000):
-        line = json.loads(physics.answer(frame(k, 1500 + round(150 * sin(k / 900)), 1700)))
+    for k in range(1200, 3600):
+        line = json.loads(physics.answer(frame(k, 1500 + round(150 * sin(k / 450)), 1700)))
         roll = line["attitude"][0]
         yaw += (line["imu"]["gyro"][2] - NOMINAL.gyro_bias[2]) / np.cos(roll) / 1200
     assert yaw == pytest.approx(line["attitude"][2], abs=0.02)
-    assert abs(yaw) > 0.2
+    assert abs(yaw) > 0.15
 
 
 def test_writes_the_truth() -> None:
@@ -134,10 +127,3 @@ def test_wrong_options_are_explained(argv: list[str], said: str, capsys: pytest.
         main(argv)
     assert stop.value.code == 2
     assert said in capsys.readouterr().err
-
-
-def test_a_taken_port_is_said() -> None:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
-        taken.bind((LOOPBACK, 0))
-        with pytest.raises(SystemExit, match="cannot use UDP port .* give another --instance"):
-            main(["--port", str(taken.getsockname()[1])])

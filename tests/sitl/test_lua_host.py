@@ -147,11 +147,6 @@ def test_runs_when_asked_to() -> None:
     assert ran == [0, 12, 33, 54] and [text for _, text in told.texts] == ["12", "33", "54"]
 
 
-def test_script_that_returns_nothing_ends_without_error() -> None:
-    host = LuaHost(cast(Autopilot, autopilot(Told())), "local x = 1")
-    assert host.poll() and not host.running and host.error is None
-
-
 def test_log_values_reach_the_autopilot_with_units() -> None:
     told = Told()
     source = (

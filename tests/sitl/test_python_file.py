@@ -17,11 +17,11 @@ from sitl.plant.plant import Plant
 from sitl.plant.variant import PlantParameters, load_variant
 from sitl.redrive.course import Course
 from sitl.redrive.open_loop import redrive
+from sitl.twin.fmu_file import fmu_file
 from sitl.twin.python_file import python_file
 
-DT, STEPS = 0.0025, 1600
+DT, STEPS = 0.0025, 1000
 VARIANTS = {
-    "nominal": 'base = "nominal"\n',
     "effects": """base = "nominal"
 [effects]
 tyre_relaxation = { sigma = 0.25 }
@@ -95,8 +95,7 @@ def moved_by_the_plant(q: PlantParameters, seed: int) -> np.ndarray:
     return np.array(rows)
 
 
-@pytest.mark.parametrize("seed", [None, 1])
-@pytest.mark.parametrize("name", VARIANTS)
+@pytest.mark.parametrize(("name", "seed"), [("effects", None), ("table", 1)])
 def test_the_file_alone_moves_as_the_plant(name: str, seed: int | None, tmp_path: Path) -> None:
     q = parameters_of(VARIANTS[name], tmp_path)
     (tmp_path / "rover_twin.py").write_text(python_file(q, ["Numbers of a test."]))
@@ -106,35 +105,21 @@ def test_the_file_alone_moves_as_the_plant(name: str, seed: int | None, tmp_path
     assert np.ptp(plant[:, 6]) > 0.5, "it turns"
 
 
-def test_the_variants_differ(tmp_path: Path) -> None:
-    """By far more than the tolerance, so the comparison above can fail."""
-    ends = [moved_by_the_plant(even(parameters_of(text, tmp_path)), 0)[-1] for text in VARIANTS.values()]
-    for k, one in enumerate(ends):
-        assert all(abs(one - other)[6] > 1e-3 for other in ends[k + 1 :])
-
-
 def test_the_file_is_whole(tmp_path: Path) -> None:
     """Every name in it is defined once, and it imports only Python's own modules and numpy."""
-    path = tmp_path / "rover_twin.py"
-    path.write_text(python_file(load_variant("nominal"), ["Numbers of a test."]))
+    path, origin = tmp_path / "rover_twin.py", 'Numbers of a\\b""" + print(1) + """.toml'
+    q = parameters_of(VARIANTS["effects"], tmp_path)
+    path.write_text(python_file(q, [origin]))
     words = ["ruff", "check", "--isolated", "--select", "F,E9,A", str(path)]
     done = subprocess.run([sys.executable, "-m", *words], capture_output=True, text=True)
     assert done.returncode == 0, done.stdout
-    for node in ast.walk(ast.parse(path.read_text())):
+    tree = ast.parse(path.read_text())
+    for node in ast.walk(tree):
         if isinstance(node, (ast.Import, ast.ImportFrom)):
             module = node.module if isinstance(node, ast.ImportFrom) else node.names[0].name
             assert (module or "").partition(".")[0] in {*sys.stdlib_module_names, "numpy"}
-
-
-def test_the_file_says_which_effects_are_of_sensors(tmp_path: Path) -> None:
-    assert "sensors only: imu_tilt." in python_file(parameters_of(VARIANTS["effects"], tmp_path), ["x"])
-    assert "sensors only" not in python_file(load_variant("nominal"), ["x"])
-
-
-def test_a_strange_origin_stays_in_the_docstring() -> None:
-    origin = ['Numbers of a\\b""" + print(1) + """.toml']
-    tree = ast.parse(python_file(load_variant("nominal"), origin))
     assert "print(1)" in (ast.get_docstring(tree) or "")
+    assert "sensors only: imu_tilt." in path.read_text()
 
 
 @pytest.fixture(scope="module")
@@ -164,35 +149,19 @@ def test_a_recorded_drive_is_repeated_as_by_redrive(course: Course, twin, tmp_pa
     assert speeds.max() > 2.3 and np.ptp(motion["r"]) > 0.5
 
 
-def test_a_drive_with_few_samples_keeps_its_speed(twin) -> None:
-    t = np.arange(0.0, 10.0, 0.2)
-    motion = twin.Rover().drive(t, np.full(t.size, 1500.0), np.full(t.size, 2.0))
-    np.testing.assert_allclose(motion["V_x"], 2.0, atol=0.05)
-    np.testing.assert_allclose(motion["t"], t)
-
-
-@pytest.mark.parametrize(
-    ("t", "speed", "said"),
-    [
+def test_unusable_numbers_are_refused_and_long_steps_divided(twin) -> None:
+    for t, speed, said in (
         ([0.0], [1.0], "of one length, 2 or more"),
         ([0.0, 0.1], [1.0], "of one length"),
         ([0.0, 0.2, 0.1], [1.0] * 3, "must ascend; it does not after 0.2 s"),
         ([0.0, 0.1], [1.0, np.nan], "not numbers"),
         ([0.0, 20.0], [1.0, 1.0], "a gap of 20 s"),
-    ],
-)
-def test_unusable_arrays_are_refused(twin, t: list[float], speed: list[float], said: str) -> None:
-    with pytest.raises(ValueError, match=said):
-        twin.Rover().drive(t, [1500.0] * len(t), speed)
-
-
-@pytest.mark.parametrize("dt", [0.0, -0.1, np.nan])
-def test_an_impossible_step_is_refused(twin, dt: float) -> None:
-    with pytest.raises(ValueError, match="is impossible"):
-        twin.Rover().step(1500, 1600, dt)
-
-
-def test_long_steps_are_divided(twin) -> None:
+    ):
+        with pytest.raises(ValueError, match=said):
+            twin.Rover().drive(t, [1500.0] * len(t), speed)
+    for dt in (0.0, np.nan):
+        with pytest.raises(ValueError, match="is impossible"):
+            twin.Rover().step(1500, 1600, dt)
     rover, other = twin.Rover(), twin.Rover()
     for _ in range(40):
         other.step(1600, 1700, 0.0025)
@@ -204,8 +173,8 @@ def command(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(words, capture_output=True, text=True)
 
 
-def test_the_file_drives_a_csv_file(twin, tmp_path: Path) -> None:
-    t = np.arange(0.0, 3.0, 0.02)
+def test_the_file_drives_a_csv_file_or_refuses_it(twin, tmp_path: Path) -> None:
+    t = np.arange(0.0, 10.0, 0.2)  # few samples keep their speed
     table = np.column_stack((t, 1500 + 100 * np.sin(t), np.full(t.size, 2.0)))
     source = tmp_path / "drive.csv"
     np.savetxt(source, table, delimiter=",", header="time,steering,speed", comments="")
@@ -214,20 +183,85 @@ def test_the_file_drives_a_csv_file(twin, tmp_path: Path) -> None:
     with (tmp_path / "drive_motion.csv").open() as file:
         rows = list(csv.DictReader(file))
     expected = twin.Rover().drive(*table.T)
+    np.testing.assert_allclose(expected["V_x"], 2.0, atol=0.1)
     for name, column in expected.items():
         np.testing.assert_allclose([float(row[name]) for row in rows], column, atol=1e-9)
-
-
-@pytest.mark.parametrize(
-    ("text", "said"),
-    [
+    for text, said in (
         ("time,steer,speed\n0,1500,1\n", "lacks the columns steering"),
         ("time,steering,speed\n0,1500,1\n0.1,x,1\n", "line 3 has something that is not a number"),
         ("time,steering,speed\n", "of one length, 2 or more"),
-        ("", "lacks the columns time"),
-    ],
-)
-def test_a_wrong_csv_file_is_refused(twin, text: str, said: str, tmp_path: Path) -> None:
-    (tmp_path / "drive.csv").write_text(text)
-    done = command(tmp_path, str(tmp_path / "drive.csv"))
-    assert done.returncode == 2 and said in done.stderr and "Traceback" not in done.stderr
+    ):
+        source.write_text(text)
+        done = command(tmp_path, str(source))
+        assert done.returncode == 2 and said in done.stderr and "Traceback" not in done.stderr
+
+
+# ---- One file out of several modules does what the modules do: names are kept apart, the unused is left out.
+
+
+# ---- The FMU of a rover, run by fmpy, moves as the plant does; skipped where pythonfmu or fmpy is missing.
+
+pytest.importorskip("pythonfmu")
+fmpy = pytest.importorskip("fmpy")
+
+STEP, END = 0.01, 4.0
+OUTPUTS = ("r", "p", "a_y", "V_x", "V_y", "phi", "psi", "x", "y", "delta")
+EFFECTS = {"tyre_relaxation": {"sigma": 0.25}, "steering_backlash": {"b": 0.012}}
+NOMINAL = replace(load_variant("nominal"), road_force=0.0, road_yaw_moment=0.0, road_roll_moment=0.0)
+ROVERS = {"nominal": NOMINAL, "effects": replace(NOMINAL, effects=EFFECTS)}
+
+
+@pytest.fixture(scope="module")
+def built(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    folder = tmp_path_factory.mktemp("fmu")
+    paths = {}
+    for name, q in ROVERS.items():
+        paths[name] = folder / f"rover_{name}.fmu"
+        paths[name].write_bytes(fmu_file(q, ["Numbers of a test."], f"rover_{name}"))
+    return paths
+
+
+def steering(t: float) -> float:
+    return 1500.0 + 250.0 * float(np.sin(2.5 * t))
+
+
+def simulated(path: Path, **start: object) -> np.ndarray:
+    """Outputs of the FMU by name, each step of STEP, from inputs held over each."""
+    t = np.arange(0.0, END, STEP)
+    fields = [(name, float) for name in ("time", "steering_us", "throttle_us", "speed")]
+    inputs = np.zeros(t.size, dtype=fields)
+    inputs["time"], inputs["steering_us"] = t, [steering(float(x)) for x in t]
+    inputs["throttle_us"], inputs["speed"] = 1750.0, 2.0
+    return fmpy.simulate_fmu(
+        str(path), stop_time=END, step_size=STEP, output_interval=STEP, input=inputs, output=OUTPUTS,
+        start_values=start,
+    )  # fmt: skip
+
+
+def driven(q: PlantParameters) -> np.ndarray:
+    plant, rows = Plant(q), []
+    s = plant.state
+    for k in range(round(END / STEP)):
+        for _ in range(4):
+            plant.step(steering(k * STEP), 1750.0, STEP / 4)
+        rows.append((s.r, s.p, s.ay, s.vx, s.vy, s.phi, s.psi, s.x, s.y, s.delta))
+    return np.array(rows)
+
+
+@pytest.mark.parametrize("name", ROVERS)
+def test_the_fmu_moves_as_the_plant(name: str, built: dict[str, Path]) -> None:
+    """Both FMUs run in one process, each with its own numbers."""
+    found, expected = simulated(built[name]), driven(ROVERS[name])
+    assert np.ptp(expected[:, 0]) > 0.5, "it turns"
+    for k, output in enumerate(OUTPUTS):
+        np.testing.assert_allclose(found[output][1:], expected[:, k], rtol=0, atol=1e-9, err_msg=output)
+
+
+def test_the_fmu_is_valid_and_describes_its_variables(built: dict[str, Path]) -> None:
+    description = fmpy.read_model_description(str(built["effects"]), validate=True)
+    kinds = {v.name: v.causality for v in description.modelVariables}
+    assert {name for name, kind in kinds.items() if kind == "output"} == set(OUTPUTS)
+    assert {n for n, kind in kinds.items() if kind == "input"} == {"steering_us", "throttle_us", "speed"}
+    assert description.coSimulation.modelIdentifier == "rover_effects"
+    assert {v.name: v.start for v in description.modelVariables}["steering_us"] == "1500"
+    assert all(v.description for v in description.modelVariables)

@@ -10,29 +10,7 @@ import pytest
 from rover_sweep.diagnosis.effects import every_form
 from sitl.plant.effects.replaced_numbers import resolved
 from sitl.plant.effects_table import PARAMETERS
-from sitl.plant.variant import PlantParameters, load_variant, variant_names
-from sitl.rover_file import rover_file
-
-
-def test_names_that_come_with_the_project() -> None:
-    assert set(variant_names()) >= {"nominal", "paper", "slippery"}
-
-
-def test_every_number_of_a_variant_has_a_comment() -> None:
-    folder = Path(load_variant.__code__.co_filename).parent / "variants"
-    for path in folder.glob("*.toml"):
-        lines = path.read_text(encoding="utf-8").splitlines()
-        bare = [line for line in lines if "=" in line.partition("#")[0] and "#" not in line]
-        assert [line for line in bare if not line.startswith("base")] == [], path.name
-
-
-def test_nominal_holds_the_truth_of_the_recordings() -> None:
-    q = load_variant("nominal")
-    assert (q.mass, q.sprung_mass, q.cg_to_front_axle, q.cg_to_rear_axle) == (2.66, 2.40, 0.203, 0.188)
-    assert (q.yaw_inertia, q.roll_inertia, q.cg_height_above_roll_centre) == (0.071, 0.0125, 0.058)
-    assert (q.roll_stiffness, q.roll_damping) == (10.8, 0.36)
-    assert (q.front_cornering_stiffness, q.rear_cornering_stiffness, q.rad_per_us) == (31.0, 33.5, 0.00095)
-    assert (q.servo_lag, q.servo_delay) == (0.022, 0.015)
+from sitl.plant.variant import PlantParameters, load_variant
 
 
 def test_a_file_on_a_base_needs_only_what_differs(tmp_path: Path) -> None:
@@ -48,7 +26,6 @@ def test_a_file_on_a_base_needs_only_what_differs(tmp_path: Path) -> None:
         ('base = "nominal"\nmas = 3', r"unknown mas; allowed: base, mass, sprung_mass"),
         ("mass = 3", r"missing sprung_mass"),
         ('base = "nominal"\nmass = "3"', r"mass = '3' must be a finite number"),
-        ('base = "nominal"\nmass = true', r"mass = True must be a finite number"),
         ('base = "nominal"\nmass = nan', r"mass = nan must be a finite number"),
         ('base = "nominal"\nmass = 0', r"mass = 0.0 must be greater than 0"),
         ('base = "nominal"\nservo_lag = -1', r"servo_lag = -1.0 must not be negative"),
@@ -58,7 +35,6 @@ def test_a_file_on_a_base_needs_only_what_differs(tmp_path: Path) -> None:
         ('base = "nominal"\nimu_position = [0, 1]', r"imu_position = \[0, 1\] must be three numbers"),
         ('base = "nominell"', r"no variant nominell: give one of .*nominal"),
         ('base = "wrong.toml"', r"refers back to itself"),
-        ("base = 3", r"base = 3 must be the name or path"),
         ("mass 3", r"not a TOML file"),
     ],
 )
@@ -69,11 +45,6 @@ def test_a_wrong_entry_is_named(tmp_path: Path, text: str, said: str) -> None:
         load_variant(path)
 
 
-def test_unknown_variant_says_which_there_are() -> None:
-    with pytest.raises(ValueError, match="no variant icy: give one of .*slippery"):
-        load_variant("icy")
-
-
 # ---- The table [effects] of a variant: read, inherited, refused in words; numbers that take others' places.
 
 
@@ -81,46 +52,6 @@ def variant(folder: Path, text: str) -> PlantParameters:
     path = folder / "rover.toml"
     path.write_text('base = "nominal"\n[effects]\n' + text)
     return load_variant(path)
-
-
-def test_no_variant_of_the_project_has_effects() -> None:
-    assert {name for name in variant_names() if load_variant(name).effects} == set()
-
-
-def test_ids_and_parameters_of_the_contract() -> None:
-    assert {name: set(rules) for name, rules in PARAMETERS.items()} == {
-        "servo_lag": {"T", "q"},
-        "steering_stiction": {"s"},
-        "steering_scale": {"s"},
-        "steering_compliance": {"k"},
-        "yaw_damping": {"c"},
-        "side_wind": {"w", "psi0", "x"},
-        "sensor_scale": {"gyro", "accel"},
-        "servo_rate_limit": {"R"},
-        "steering_deadband": {"w"},
-        "steering_backlash": {"b"},
-        "steering_nonlinearity": {"c3"},
-        "steering_asymmetry": {"e"},
-        "steering_trim": {"u0"},
-        "transport_delay": {"T"},
-        "clock_offset": {"T"},
-        "tyre_relaxation": {"sigma"},
-        "tyre_saturation": {"mu"},
-        "load_transfer": {"k"},
-        "tyre_speed": {"k"},
-        "front_rear_stiffness": {"ratio"},
-        "tyre_slip": {"C", "Izz"},
-        "roll_dof": {"k_phi", "b_phi"},
-        "roll_steer": {"e"},
-        "suspension_friction": {"T"},
-        "speed_variation": {"D"},
-        "imu_offset": {"x", "z"},
-        "imu_tilt": {"roll", "pitch", "yaw"},
-        "sensor_filter": {"gyro_hz", "accel_hz"},
-        "velocity_lag": {"T"},
-        "surface_change": {"ratio", "t", "distance"},
-        "cross_slope": {"b", "psi0"},
-    }
 
 
 def test_effects_stand_beside_other_numbers_and_are_inherited(tmp_path: Path) -> None:
@@ -147,10 +78,7 @@ def test_effects_stand_beside_other_numbers_and_are_inherited(tmp_path: Path) ->
         ("steering_backlash = { b = -0.1 }", "b = -0.1 must be at least 0"),
         ("servo_rate_limit = { R = 0 }", "R = 0 must be greater than 0"),
         ("tyre_saturation = { mu = 1e-300 }", "mu = 1e-300 must be at least 0.01"),
-        ("servo_rate_limit = { R = inf }", "R = inf must be a finite number"),
-        ("imu_tilt = { roll = 9 }", "roll = 9 must lie between -1.6 and 1.6 rad"),
         ("steering_nonlinearity = { c3 = -1e6 }", "c3 = -1000000.0 must lie between -30 and 30 1/rad2"),
-        ("transport_delay = { T = 1e9 }", "T = 1000000000.0 must be at least 0 and at most 2 s"),
         ("servo_rate_limit = { R = 1e6 }", "R = 1000000.0 must be greater than 0 and at most 100000 rad/s"),
         ("imu_tilt = {}", "imu_tilt is empty: give at least one of roll, pitch, yaw"),
         ("surface_change = { ratio = 0.8 }", r"needs either t \[s\] or distance"),
@@ -158,7 +86,6 @@ def test_effects_stand_beside_other_numbers_and_are_inherited(tmp_path: Path) ->
             'tyre_saturation = { mu = 1, form = "cubic" }',
             "'cubic' must be one of tanh, brush, \"falling peak\", knee",
         ),
-        ("roll_steer = { e = 1, form = 2 }", "form = 2 must be one of"),
         ('load_transfer = { k = 0.1, form = "brush" }', "load_transfer has no parameter form; it has k"),
         ("servo_lag = { T = 0.1, q = 1 }", 'q goes with form = "second order"'),
         ('servo_lag = { T = 0.1, form = "second order" }', 'q goes with form = "second order"'),
@@ -197,8 +124,3 @@ def test_effects_that_are_numbers_take_their_places_once(tmp_path: Path) -> None
     assert resolved(acting) == acting
     turned = variant(tmp_path, "steering_scale = { s = 0.2 }")
     assert resolved(resolved(turned)).rad_per_us == pytest.approx(1.2 * turned.rad_per_us)
-
-
-def test_the_owner_does_not_know_of_effects(tmp_path: Path) -> None:
-    q = variant(tmp_path, "imu_offset = { x = 0.05 }\nsteering_trim = { u0 = 0.05 }\n")
-    assert rover_file(q, "r") == rover_file(load_variant("nominal"), "r")
