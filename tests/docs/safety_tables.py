@@ -134,10 +134,6 @@ def _matrix() -> list[str]:
     return _rows(("cause", "fault that begins in the phase", "the run", *PHASES, "all"), rows)
 
 
-def _must(benign: bool) -> str:
-    return "the same, and completes" if benign else "keeps the promises"
-
-
 def _by_phase(cases: Sequence[Case]) -> list[object]:
     counts = [sum(case.phase == phase for case in cases) for phase in PHASES]
     return [count or "" for count in counts]

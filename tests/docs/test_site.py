@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 import os
 import re
 import subprocess
@@ -58,35 +57,3 @@ def test_every_command_has_a_row() -> None:
     rows = [row for row in (ROOT / "docs/commands.md").read_text().splitlines() if row.startswith("| `")]
     named = " ".join(row.split("|")[1] for row in rows)
     assert not [name for name in COMMANDS if not re.search(rf"[ `]{name}[` ]", named)]
-
-
-def test_the_parameters_of_a_docstring_become_a_table() -> None:
-    pytest.importorskip("griffe")
-    spec = importlib.util.spec_from_file_location("doctest_fences", ROOT / "docs/doctest_fences.py")
-    assert spec is not None and spec.loader is not None
-    page = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(page)
-    text = (
-        "Does it.\n\na, b: lengths [m]; time_limit [s]. deep: how deep. UsageError for nonsense.\n\n>>> it()"
-    )
-    given = {
-        "a": ("float", ""),
-        "b": ("float", ""),
-        "time_limit": ("float | None", "None"),
-        "deep": ("int", "1"),
-    }
-    assert page.with_table(text, given).splitlines() == [
-        "Does it.",
-        "",
-        "| parameter | type | default | meaning |",
-        "| --- | --- | --- | --- |",
-        "| `a` | `float` |  | lengths [m] |",
-        "| `b` | `float` |  | lengths [m] |",
-        "| `time_limit` | `float or None` | `None` | [s] |",
-        "| `deep` | `int` | `1` | how deep |",
-        "",
-        "UsageError for nonsense.",
-        "",
-        ">>> it()",
-    ]
-    assert page.with_table("It is: so.", given) == "It is: so."

@@ -12,28 +12,8 @@ import numpy as np
 from rover_sweep.data.recording import Array, Recording
 
 NOMINAL = Path(__file__).parents[1] / "data" / "ardurover-4.6.3" / "nominal"
-FORMATS = {
-    "a": "64s",
-    "b": "b",
-    "B": "B",
-    "h": "h",
-    "H": "H",
-    "i": "i",
-    "I": "I",
-    "f": "f",
-    "d": "d",
-    "n": "4s",
-    "N": "16s",
-    "Z": "64s",
-    "c": "h",
-    "C": "H",
-    "e": "i",
-    "E": "I",
-    "L": "i",
-    "M": "B",
-    "q": "q",
-    "Q": "Q",
-}
+FORMATS = {code: code for code in "bBhHiIfdqQ"} | dict.fromkeys("cCeEL", "h") | {"C": "H", "e": "i", "E": "I"}
+FORMATS |= {"L": "i", "M": "B", "a": "64s", "n": "4s", "N": "16s", "Z": "64s"}
 FMT, HEAD = 128, b"\xa3\x95"
 Change = Callable[[Array], Array]
 Field = tuple[str, str]
