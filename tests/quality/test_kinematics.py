@@ -68,6 +68,14 @@ def test_a_speed_in_no_unit_is_not_given_one(sweep: Recording, factor: float, ra
     assert fault_of(scaled(sweep, "speed", 2.237)).text.startswith("speed is in mph")
 
 
+@pytest.fixture
+def quick_diagnosis(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Finds nothing at once; what the recordings lack is said apart from it."""
+    none = Diagnosis("none", "", "roll-yaw")
+    monkeypatch.setattr("rover_sweep.diagnosis.diagnose.diagnose", lambda *_: none)
+
+
+@pytest.mark.usefixtures("quick_diagnosis")
 def test_one_run_that_contradicts_itself_is_left_out_and_named() -> None:
     runs = rs.read(*(NOMINAL / f"run{n}.BIN" for n in (1, 2, 3)), vehicle=VEHICLE)
     bad = rs.Runs((runs[0], scaled(runs[1], "speed", 1.95), runs[2]), runs.vehicle)
@@ -75,7 +83,7 @@ def test_one_run_that_contradicts_itself_is_left_out_and_named() -> None:
     assert [r.name for g in result.groups for r in g.runs] == ["run1", "run3"]
     assert result.models["bicycle"].verdict.level == "good" and result.recommended == "bicycle"
     assert any(s.startswith("left out run2: speed and ay contradict") for s in result.summary)
-    found = rs.diagnose(bad, only=("transport_delay",), time_limit=0.1)
+    found = rs.diagnose(bad)
     assert found.verdict != "refused"
     assert any(s.startswith("left out run2: speed and ay contradict") for s in found.remarks)
     most = (scaled(runs[0], "speed", 2.237), scaled(runs[1], "speed", 2.237), runs[2])
@@ -98,8 +106,8 @@ def test_without_angles_the_outward_lean_tells(
     assert (fault.fault, fault.spoils) == (REVERSED, spoilt)
 
 
+@pytest.mark.usefixtures("quick_diagnosis")
 def test_the_answers_say_which_channel_to_leave_out() -> None:
-    """Without p the baseline of a diagnosis is the bicycle, and this rover rolls."""
     runs = rs.read(NOMINAL / "run1.BIN", vehicle=VEHICLE)
     turned = rs.Runs((with_faults(scaled(runs[0], "p", -1.0)),), runs.vehicle)
     (verdict,) = turned.coherence()
@@ -108,7 +116,7 @@ def test_the_answers_say_which_channel_to_leave_out() -> None:
     result = rs.identify(turned, models=("bicycle", "roll-yaw"), bootstrap=0)
     assert result.models["bicycle"].verdict.level == "good" and result.recommended == "bicycle"
     assert result.models["roll-yaw"].verdict.level in ("poor", "not identifiable")
-    found = rs.diagnose(turned, only=("transport_delay", "roll_dof"), time_limit=0.1)
+    found = rs.diagnose(turned)
     assert any(remark.startswith("left out: run1: p is reversed") for remark in found.remarks)
 
 
@@ -210,17 +218,14 @@ def test_a_right_place_is_not_doubted(runs: rs.Runs, place: tuple[float, float])
     assert found.models["roll-yaw"].verdict.level == "good"
 
 
-def test_without_a_yaw_inertia_in_the_file_mass_and_axles_tell(
-    runs: rs.Runs, monkeypatch: pytest.MonkeyPatch
-) -> None:
+@pytest.mark.usefixtures("quick_diagnosis")
+def test_without_a_yaw_inertia_in_the_file_mass_and_axles_tell(runs: rs.Runs) -> None:
     """5 cm on the wrong side: C 78 for 32, at a J_ave of 6 for 5. A diagnosis says it too."""
     assert runs.vehicle is not None
     given = tuple(moved(run, 0.05, 0.0) for run in runs)
     geometry = replace(geometry_of(runs.vehicle), yaw_inertia=None, imu_x=-0.05)
     words = wrong_place_in(grouped(given, Settings()), geometry, "roll-yaw")
     assert words.startswith(f"{NAMED}: with forward") and "(mass and axles suggest 0.0761)" in words
-    none = Diagnosis("none", "", "roll-yaw")
-    monkeypatch.setattr("rover_sweep.diagnosis.diagnose.diagnose", lambda *_: none)
     wrong = diagnosed(Material(given), at(runs.vehicle, -0.05), DiagnosisSettings())
     assert any(words.startswith(NAMED) for words in wrong.remarks)
 
