@@ -91,10 +91,15 @@ def test_the_notebooks_are_valid_and_small() -> None:
     ],
 )
 def test_a_notebook_runs(
-    name: str, words: list[str], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    name: str,
+    words: list[str],
+    result: rs.Result,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     matplotlib.use("Agg")
     monkeypatch.chdir(NOTEBOOKS)
+    monkeypatch.setattr(rs, "identify", lambda runs: result)  # of the same runs
     before = sorted(NOTEBOOKS.rglob("*"))
     notebook, names, shown = nbformat.read(NOTEBOOKS / f"{name}.ipynb", as_version=4), {}, ""
     for k, cell in enumerate(c for c in notebook.cells if c.cell_type == "code"):

@@ -79,32 +79,6 @@ def test_uint32(expression: str, value: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("expression", "value"),
-    [
-        ("Parameter('FS_ACTION'):get()", "2.0"),
-        ("param:get('NO_SUCH')", "nil"),
-        ("param:set('FS_ACTION', 1)", "true"),
-        ("rc:get_pwm(2)", "nil"),
-        ("rc:get_aux_cached(300)", "nil"),
-        ("SRV_Channels:find_channel(26)", "2"),
-        ("SRV_Channels:get_output_pwm(26)", "1502"),
-        ("SRV_Channels:get_output_pwm(70)", "nil"),
-        ("SRV_Channels:get_output_pwm_chan(3)", "1503"),
-        ("ahrs:get_gyro():z()", "0.3"),
-        ("ahrs:get_pitch()", "0.6"),
-        ("ahrs:get_velocity_NED()", "nil"),
-        ("gcs:last_seen()", "250"),
-        ("vehicle:get_mode()", "4"),
-        ("param:add_param(9, 1, 'A', 0)", "false"),
-        ("ahrs.no_such_call", "nil"),
-        ("os or require or dofile", "nil"),
-    ],
-)
-def test_calls_return_what_the_vehicle_has(expression: str, value: str) -> None:
-    assert evaluate(expression) == value
-
-
-@pytest.mark.parametrize(
     ("source", "message"),
     [
         ("x = nil + 1", "test.lua:1: attempt to perform arithmetic on a nil value"),
