@@ -23,7 +23,7 @@ from rover_sweep.data.results import (
     plain_number,
 )
 from rover_sweep.driving.fit import OF_SPEED, DrivingFit, fit_driving, precision_with, reached, tyre_time
-from rover_sweep.driving.stretches import RATE, DrivenPart, Driving, usable_driving
+from rover_sweep.driving.stretches import FULL, RATE, DrivenPart, Driving, usable_driving
 from rover_sweep.driving.tyres import tyre_stiffnesses
 from rover_sweep.logs.log import Log
 from rover_sweep.manoeuvre.sweep import Sweep
@@ -40,6 +40,7 @@ VISIBLE = 0.03  # of the curvature; a smaller difference between the sides, or b
 SWEEP, SWEEP_SPEED = Sweep(amplitude=120.0), 2.0  # advised; us, m/s
 NO_TYRES = "Tyre stiffnesses and yaw inertia, which need sweeps and a vehicle file with the mass"
 NO_TYRES_KNOWN = "Tyre stiffnesses, which need sweeps, or yaw_inertia and turns at speeds further apart"
+SCALING = {"r": "the yaw rate", "speed": "the speed"}  # channels with whose units the numbers scale
 DEG_PER_G = GRAVITY * 180 / pi
 
 
@@ -125,7 +126,7 @@ def _together(logs: Sequence[Log], wheelbase: float | None, rover: Geometry | No
     level, reasons = _judged(fit)
     if level == "none":
         return _nothing(driving, *reasons, fit=fit)
-    if unsure := sorted({channel for log in logs for channel in log.unsure}):
+    if unsure := sorted({channel for log in logs for channel in log.unsure} & set(SCALING)):
         level, reasons = "rough", (*reasons, _scaled_by(unsure))
     numbers, unknown = _numbers(fit, driving, speeds, wheelbase)
     tyres = tyre_stiffnesses(fit, rover, speeds[1]) if rover else ()
@@ -139,7 +140,7 @@ def _together(logs: Sequence[Log], wheelbase: float | None, rover: Geometry | No
 
 
 def _scaled_by(unsure: Sequence[str]) -> str:
-    names = " and of ".join({"r": "the yaw rate", "speed": "the speed"}[channel] for channel in unsure)
+    names = " and of ".join(SCALING[channel] for channel in unsure)
     return f"the unit of {names} is a guess, and the numbers scale with it: give it in a column map"
 
 
@@ -176,6 +177,14 @@ def _numbers(
 ) -> tuple[ByName[Quantity], tuple[str, ...]]:
     """The quantities that are shown, and sentences on those that are not."""
     late, unsure = _lateness(fit, speeds[1])
+    if driving.course and late:
+        low, high = late[-1].interval_90 or (0.0, np.inf)
+        unsure = (
+            f"How late the turn follows: the course turns {1000 * low:.0f} to {1000 * high:.0f} ms after the "
+            f"steering, and the rover later by the distance from its rear axle to the antenna over "
+            f"{speeds[1]:.1f} m/s",
+        )
+        late = ()
     handling, open_question = _handling(fit, speeds, wheelbase)
     shown = (
         *_steering(fit, driving, speeds[1], wheelbase),
@@ -219,8 +228,10 @@ def _steering(fit: DrivingFit, driving: Driving, speed: float, wheelbase: float 
         yield _quantity(fit, "curvature", "1/m per 100 us", 100 * abs(gain), {"gain": 100.0}, words)
     else:
         words = f"speed times steering angle over yaw rate{at}; the wheelbase where the angle is right"
+        if driving.unit == FULL:
+            words = f"speed times steering over yaw rate{at}: radius at full steering, if in proportion"
         yield _quantity(fit, "wheelbase_seen", "m", 1 / abs(gain), {"gain": 1 / gain**2}, words)
-    words = f"steering {'output' if in_us else 'angle'} that drives straight ahead"
+    words = f"steering {'angle' if driving.unit == 'rad' else 'output'} that drives straight ahead"
     yield _quantity(fit, "straight", driving.unit, fit["straight"], {"straight": 1.0}, words)
     if wheelbase and in_us:
         words = "road-wheel angle for each us"
@@ -228,7 +239,8 @@ def _steering(fit: DrivingFit, driving: Driving, speed: float, wheelbase: float 
     elif wheelbase:
         ratio = 1 / (abs(gain) * wheelbase)
         words = "recorded steering angle over the wheels' angle: 1 where it is the wheels' own"
-        yield _quantity(fit, "steering_ratio", "-", ratio, {"gain": ratio / gain}, words)
+        per = "1/rad" if driving.unit == FULL else "-"
+        yield _quantity(fit, "steering_ratio", per, ratio, {"gain": ratio / gain}, words)
     if in_us and driving.limits:
         x = np.array(driving.limits) - fit["straight"]
         share = reached(x, fit.amplitude)
@@ -370,7 +382,7 @@ ALIKE = 1.2  # ratio of speeds up to which response times are compared
 
 
 COMPARED = {"straight": 0.0, "curvature": 0.05, "wheelbase_seen": 0.05, "response_time": 0.1}
-LEAST = {"us": 5.0, "rad": 0.005, "s": 0.02}
+LEAST = {"us": 5.0, "rad": 0.005, FULL: 0.01, "s": 0.02}
 """The smallest difference that is said: as a share of the number, and in its unit."""
 
 

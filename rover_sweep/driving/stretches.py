@@ -18,6 +18,7 @@ SHORTEST = 4.0  # s of driving without an interruption
 HOLE = 0.5  # s between samples of one channel; the driving is cut there
 FASTEST_TURN = 6.0  # m/s^2 of V r: beyond it, tyres slide; up to it, the bend of the law follows them
 LONGEST_SAME = 1.0  # s, of one value of a yaw rate that works
+FULL = "of full steering"  # unit of a steering in -1 to 1, which is no angle
 STAIRCASE_HZ = 30.0  # a slower record of the steering is samples of something finer and is interpolated
 
 
@@ -49,8 +50,9 @@ class DrivenPart:
 class Driving:
     """All usable driving of some logs. bias: of the yaw rate at standstill, rad/s, None without any.
 
-    unit: of the steering, "us" or "rad". left_out: {reason: seconds}. limits: (lowest, highest) steering
-    output, None where unknown. trim: the configured neutral [us], None where unknown.
+    unit: of the steering, "us", "rad" or `FULL`. left_out: {reason: seconds}. limits: (lowest, highest)
+    steering output, None where unknown. trim: the configured neutral [us], None where unknown. course: True
+    where the yaw rate is that of the course over ground.
     """
 
     stretches: tuple[DrivenPart, ...]
@@ -59,6 +61,7 @@ class Driving:
     left_out: dict[str, float]
     limits: tuple[float, float] | None
     trim: float | None
+    course: bool = False
 
     @property
     def known(self) -> dict[str, tuple[float, float]]:
@@ -87,11 +90,12 @@ def usable_driving(logs: Sequence[Log]) -> Driving:
     first = logs[0]
     return Driving(
         tuple(found),
-        first.steering[0].unit,
+        FULL if "delta" in first.unsure else first.steering[0].unit,
         float(np.mean(still)) if still.size > RATE else None,
         left_out,
         first.limits,
         next((v for n, v in limits_of_steering(first.parameters).items() if n.endswith("_TRIM")), None),
+        any("course" in log.unsure for log in logs),
     )
 
 

@@ -56,7 +56,8 @@ class Log:
     limits: (lowest, highest) steering output [us], None where unknown.
     whole: all driving is one run, independent of the steering.
     system: MAVLink system id of a telemetry log, 0 if not known.
-    unsure: channels whose unit is a guess, in a file of another system.
+    unsure: of a file of another system: "r" or "speed", whose unit is a guess; "delta", which is no angle;
+    "course", where the yaw rate is that of the course over ground.
     vehicle: "rover", another ArduPilot vehicle's name, or "" if not known.
     """
 
@@ -204,20 +205,32 @@ def _distance_from_median(t: Array) -> Array:
 
 def refuse_disorder(name: str, stamps: Mapping[str, Array]) -> None:
     """Raise DataRefused when many stamps {message: (n,) s} are out of order by more than 1 s."""
-    for message, all_stamps in stamps.items():
-        t = all_stamps[np.isfinite(all_stamps)]
-        if t.size <= 5:
-            continue
-        lone = _distance_from_median(t) > DISORDER
-        rest = t[~lone]
-        behind = np.maximum.accumulate(rest) - rest if rest.size else rest
-        count = int(lone.sum() + np.sum(behind > DISORDER))
-        if count > max(ODD, DISORDER_LIMIT * t.size):
-            raise DataRefused(
-                f"{name}: {count} of {t.size} times of {message} are out of order, by up to "
-                f"{float(np.max(behind, initial=0.0)):.3g} s: the log is damaged, or holds several "
-                "drives (split it; in a .csv name their column as trial)"
-            )
+    for message, t in stamps.items():
+        if words := disorder(message, t):
+            raise DataRefused(f"{name}: {words}")
+
+
+def disorder(message: str, stamps: Array) -> str:
+    """What to do with stamps (n,) [s] of which many are out of order by more than 1 s; "" for others."""
+    rows = np.flatnonzero(np.isfinite(stamps))
+    t = stamps[rows]
+    if t.size <= 5:
+        return ""
+    lone = _distance_from_median(t) > DISORDER
+    rest, rows = t[~lone], rows[~lone]
+    behind = np.maximum.accumulate(rest) - rest if rest.size else rest
+    count = int(lone.sum() + np.sum(behind > DISORDER))
+    if count <= max(ODD, DISORDER_LIMIT * t.size):
+        return ""
+    place = ""
+    if np.any(late := behind > DISORDER):
+        k = int(np.argmax(late))
+        place = f", first in row {rows[k] + 1}, from {rest[k - 1] - t[0]:.2f} to {rest[k] - t[0]:.2f} s"
+    return (
+        f"{count} of {t.size} times of {message} are out of order, by up to "
+        f"{float(np.max(behind, initial=0.0)):.3g} s{place}: the log is damaged, or holds several "
+        "drives (split it; in a .csv name their column as trial)"
+    )
 
 
 def clock_notes(stamps: Mapping[str, Array]) -> Iterator[Note]:

@@ -143,7 +143,9 @@ def _driven(answer: DrivingAnswer) -> Iterator[Sentence | Table]:
     yield Sentence(f"Used: {driving.seconds:.0f} s in {count(len(driving.stretches), 'part')}.")
     if answer.fit is not None and answer.level != "none":
         low, high = answer.band
-        size = f"{answer.amplitude:.0f} us" if driving.unit == "us" else f"{answer.amplitude:.2g} rad"
+        size = (
+            f"{answer.amplitude:.0f} us" if driving.unit == "us" else f"{answer.amplitude:.2g} {driving.unit}"
+        )
         yield Sentence(
             f"Turns at {answer.speeds[0]:.1f} to {answer.speeds[2]:.1f} m/s, steering within {size} of "
             f"straight ahead, most of its power at {low:.2g} to {high:.2g} Hz. In parts of the drive that "
@@ -170,7 +172,9 @@ def _chart(answer: DrivingAnswer, s: DrivenPart) -> Chart:
     t = s.t[::step] - s.t[0]
     fitted = fitted_yaw_rate(answer.fit, s)
     panels = (
-        Panel(f"steering, {unit(s.steering.unit)}", t, (Curve("recorded", s.steered(0.0)[::step], DATA),)),
+        Panel(
+            f"steering, {unit(answer.driving.unit)}", t, (Curve("recorded", s.steered(0.0)[::step], DATA),)
+        ),
         Panel("speed V, m/s", t, (Curve("recorded", s.v[::step], DATA),), height=80),
         Panel(
             "yaw rate r, deg/s",

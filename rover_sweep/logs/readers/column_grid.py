@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import json
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from itertools import product
 from math import log, pi, sqrt
@@ -15,29 +16,57 @@ from scipy.signal import butter, filtfilt
 
 from rover_sweep.logs.log import Array, increasing
 from rover_sweep.logs.readers.column_map import FACTORS, heading_of, slope
-from rover_sweep.logs.readers.column_names import name_weight, says_anything, unit_in, words_of
+from rover_sweep.logs.readers.column_names import is_degrees, name_weight, says_anything, unit_in, words_of
 from rover_sweep.logs.readers.tables import FEWEST_ROWS, RecordedTable, TableStream, times_in
 
 GRID_HZ, LONGEST = 20.0, 16_000  # of the common grid on which columns are compared; samples
 SMOOTH_HZ = 2.0
 MOST = 150  # columns of which all are compared; of more, those whose names say something
+SHORTEST = 5.0  # s, of a recorded drive
 EVERY = 5  # samples of the grid between two means
 
 
 @dataclass(frozen=True)
-class ClockGuess:
-    """The time (n,) s of a stream, its entry in the map (None: stamps of the file), and why."""
+class FoundColumn:
+    """A line of the column map. channel: its key; entry: its value, None where it stays undecided.
 
-    time: Array
+    certainty: "certain", "likely" or "a guess". also: lines to write instead of it, as comments.
+    """
+
+    channel: str
     entry: Any
     certainty: str
     reason: str
     also: tuple[str, ...] = ()
 
+    def lines(self) -> Iterator[str]:
+        """Its text in the map."""
+        yield f"# {self.certainty}: {self.reason}" if self.entry is not None else f"# {self.reason}"
+        if self.entry is not None:
+            yield f"{self.channel} = {toml_value(self.entry)}"
+        yield from (f"# {line}" for line in self.also)
 
-def _clock_of(stream: TableStream) -> ClockGuess | None:
+
+def toml_value(value: Any) -> str:
+    """A value of the map as TOML."""
+    if isinstance(value, Mapping):
+        return "{" + ", ".join(f"{k} = {toml_value(v)}" for k, v in value.items()) + "}"
+    if isinstance(value, list):
+        return "[" + ", ".join(map(toml_value, value)) + "]"
+    return json.dumps(value, ensure_ascii=False)
+
+
+Clock = tuple[Array, FoundColumn]
+"""The time (n,) s of a stream, and its line of the map; without an entry, the file has stamps."""
+
+
+def _clock(time: Array, entry: Any, certainty: str, reason: str) -> Clock:
+    return time, FoundColumn("time", entry, certainty, reason)
+
+
+def _clock_of(stream: TableStream) -> Clock | None:
     if stream.time is not None:
-        return ClockGuess(stream.time, None, "certain", "stamps of the file")
+        return _clock(stream.time, None, "certain", "stamps of the file")
     found = [c for name in stream.names if (c := _as_clock(stream, name))]
     if not found:
         return None
@@ -45,13 +74,13 @@ def _clock_of(stream: TableStream) -> ClockGuess | None:
     return clock
 
 
-def _as_clock(stream: TableStream, name: str) -> tuple[float, ClockGuess] | None:
+def _as_clock(stream: TableStream, name: str) -> tuple[float, Clock] | None:
     """(how well, the clock) of a column that may be the time."""
     cells, weight = stream[name], name_weight("time", name)
     if (t := times_in(cells)) is not None:
         if not _rises(t) or np.mean(np.diff(t[np.isfinite(t)]) > 0) < 0.05:  # of trials, or of whole seconds
             return None
-        return 2.0 + weight, ClockGuess(t, name, "certain", f"date-times, {_rate(t)}")
+        return 2.0 + weight, _clock(t, name, "certain", f"date-times, {_rate(t)}")
     x = stream.numbers(name)
     if x is None or not _rises(x):
         return None
@@ -60,7 +89,7 @@ def _as_clock(stream: TableStream, name: str) -> tuple[float, ClockGuess] | None
         t = x + np.asarray(stream.numbers(fine)) * 1e-9
         if _rises(t):
             words = f"seconds and nanoseconds, {_rate(t)}"
-            return 2.0 + weight, ClockGuess(t, {"column": name, "nanoseconds": fine}, "certain", words)
+            return 2.0 + weight, _clock(t, {"column": name, "nanoseconds": fine}, "certain", words)
     steps = np.diff(x[np.isfinite(x)])
     if np.mean(steps > 0) < 0.02:  # whole seconds, of which the rest is in no column
         return None
@@ -74,13 +103,13 @@ def _as_clock(stream: TableStream, name: str) -> tuple[float, ClockGuess] | None
     certainty = "certain" if weight and sure else "likely" if weight else "a guess"
     reason = f"it rises in {'even' if even > 0.9 else 'uneven'} steps, {_rate(t)}"
     reason += "" if unit == "s" else f" if it is in {unit}"
-    return weight + 0.5 * even + 0.3 * float(np.mean(steps > 0)), ClockGuess(t, entry, certainty, reason)
+    return weight + 0.5 * even + 0.3 * float(np.mean(steps > 0)), _clock(t, entry, certainty, reason)
 
 
 BLOCKS = 25, 100, 500  # samples, over which columns without a clock are compared
 
 
-def _even_samples(stream: TableStream) -> ClockGuess | None:
+def _even_samples(stream: TableStream) -> Clock | None:
     """The rate of a stream without a clock, from two columns of which one is the other's integral."""
     columns = [(n, x) for n in stream.names if (x := stream.numbers(n)) is not None and np.ptp(x) > 0]
     whole = [(n, np.unwrap(x) if _period(x) else x) for n, x in columns if np.isfinite(x).all()]
@@ -98,7 +127,7 @@ def _even_samples(stream: TableStream) -> ClockGuess | None:
         return None
     rate = float(f"{1 / step:.2g}")
     reason = f"no column is a clock; at {rate:g} Hz, {name} is the integral of {other}, in SI units"
-    return ClockGuess(np.arange(len(stream)) / rate, {"rate": rate}, "likely", reason)
+    return _clock(np.arange(len(stream)) / rate, {"rate": rate}, "likely", reason)
 
 
 def _is_nanoseconds(stream: TableStream, name: str) -> bool:
@@ -116,7 +145,8 @@ def _time_unit(name: str, x: Array, step: float) -> tuple[str, bool]:
             return unit, True
     if (told := unit_in(name)) in FACTORS["s"]:
         return told, True
-    rates = {unit: 1 / (step * factor) for unit, factor in FACTORS["s"].items()}
+    span = float(np.nanmax(x) - np.nanmin(x))
+    rates = {u: 1 / (step * f) for u, f in FACTORS["s"].items() if span * f > SHORTEST or u == "s"}
     possible = [unit for unit, rate in rates.items() if 0.5 <= rate <= 2500]
     best = min(rates, key=lambda unit: abs(log(rates[unit] / 50)))
     return best, possible == [best]
@@ -151,11 +181,18 @@ class ColumnGrid:
     period: dict[str, float] = field(default_factory=dict)
     held: dict[str, float] = field(default_factory=dict)
     stream: dict[str, int] = field(default_factory=dict)
-    clocks: dict[int, ClockGuess] = field(default_factory=dict)
-    made: dict[str, dict[str, list[str]]] = field(default_factory=dict)
+    clocks: dict[int, Clock] = field(default_factory=dict)
+    made: dict[str, dict[str, Any]] = field(default_factory=dict)
     unchanged: list[str] = field(default_factory=list)
     mean: dict[str, Array] = field(default_factory=dict)
     mean_dot: dict[str, Array] = field(default_factory=dict)
+
+    def make(self, title: str, entry: dict[str, Any], like: str, x: Array, dot: Array | None = None) -> None:
+        """A column that is made of others, with samples (n,) on the grid; of the stream of one of them."""
+        self.made[title], self.stream[title], self.raw[title], self.x[title] = entry, self.stream[like], x, x
+        self.held[title], self.mean[title] = 0.0, means(x)
+        self.dot[title] = np.gradient(x) * GRID_HZ if dot is None else dot
+        self.mean_dot[title] = means(self.dot[title])
 
     def add(self, name: str, t: Array, x: Array, grid: Array, number: int) -> None:
         """A column with its times."""
@@ -206,7 +243,8 @@ def gridded(table: RecordedTable) -> ColumnGrid:
     crowded = len(table.header) > MOST
     for number, clock in clocks.items():
         found.clocks[number] = clock
-        stream, of_clock = table.streams[number], _names_in(clock.entry)
+        (time, line), stream = clock, table.streams[number]
+        of_clock = _names_in(line.entry)
         numbers: dict[str, Array] = {}
         for name in stream.names:
             if name in of_clock or name in twice or (crowded and not says_anything(name)):
@@ -215,13 +253,13 @@ def gridded(table: RecordedTable) -> ColumnGrid:
             if x is None or np.isfinite(x).sum() < FEWEST_ROWS:
                 continue
             numbers[name] = x
-            good = np.isfinite(x) & np.isfinite(clock.time) & (np.abs(x) < 1e12)
-            t, (kept,) = increasing(clock.time[good], x[good])
+            good = np.isfinite(x) & np.isfinite(time) & (np.abs(x) < 1e12) & ~(is_degrees(name) & (x == 0))
+            t, (kept,) = increasing(time[good], x[good])
             if t.size >= FEWEST_ROWS and (np.ptp(kept) > 0 or name_weight("speed", name) > 0.5):
                 columns.append((name, t, kept, number))
             else:
                 found.unchanged.append(name)
-        columns += list(_quaternions(numbers, clock, number, found))
+        columns += list(_quaternions(numbers, time, number, found))
     if not columns:
         return found
     first, last = np.median([t[0] for _, t, _, _ in columns]), np.median([t[-1] for _, t, _, _ in columns])
@@ -238,7 +276,7 @@ def _names_in(entry: Any) -> set[str]:
 
 
 def _quaternions(
-    numbers: dict[str, Array], clock: ClockGuess, number: int, found: ColumnGrid
+    numbers: dict[str, Array], time: Array, number: int, found: ColumnGrid
 ) -> Iterator[tuple[str, Array, Array, int]]:
     """The heading of any four columns in a row whose squares have the sum 1."""
     after = 0
@@ -252,8 +290,8 @@ def _quaternions(
         if words_of(names[0]).split()[-1] in ("w", "0", "qw", "q0"):
             names = [*names[1:], names[0]]
         psi = heading_of(*(numbers[name] for name in names))
-        good = np.isfinite(psi) & np.isfinite(clock.time)
-        t, (kept,) = increasing(clock.time[good], psi[good])
+        good = np.isfinite(psi) & np.isfinite(time)
+        t, (kept,) = increasing(time[good], psi[good])
         if t.size >= FEWEST_ROWS and np.ptp(kept) > 0.1:
             after = k + 4
             title = f"quaternion {names[0]} to {names[3]}"

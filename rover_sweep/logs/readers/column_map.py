@@ -19,7 +19,12 @@ Where there is no gyro or no speed, several columns make one:
     r = {heading = "yaw", unit = "deg"}            # its slope; scale = -1 for a compass, which counts right
     r = {quaternion = ["qx", "qy", "qz", "qw"]}    # the slope of its heading; also for psi
     speed = {position = ["x", "y"]}                # its slope, forward; m
-    speed = {velocity = ["vn", "ve"]}              # its length
+    speed = {lat_lon = ["lat", "lon"]}             # the same in degrees; scale = 1e-7 for whole numbers
+    speed = {velocity = ["ve", "vn"]}              # its length
+    r = {lat_lon = ["lat", "lon"]}                 # how fast the course turns; also position, velocity
+    r = {columns = ["gx", "gy", "gz"], along = [0, 0.6, 0.8]}  # their sum with these weights; also ay, p
+
+A steering in -1 to 1 is no angle: `delta = {column = "steer", unit = "full"}`.
 
 Clocks: date-times are read as they are. `time` is left out where the file has stamps of its own (bags, ULog),
 and a list where several files are joined, with one clock of each:
@@ -63,17 +68,20 @@ OPTIONS = {"time", "trial", "runs", "leave_out", "axes", "sampling", "filters"}
 FACTORS: Mapping[str, Mapping[str, float]] = {
     "s": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9},
     "us": {"us": 1.0},
-    "rad": {"rad": 1.0, "deg": math.pi / 180},
+    "rad": {"rad": 1.0, "deg": math.pi / 180, "full": 1.0},  # full: of a steering that is no angle
     "rad/s": {"rad/s": 1.0, "deg/s": math.pi / 180, "mrad/s": 1e-3},
     "m/s": {"m/s": 1.0, "km/h": 1 / 3.6, "mph": 0.44704, "ft/s": 0.3048},
     "m/s^2": {"m/s^2": 1.0, "g": STANDARD_GRAVITY, "ft/s^2": 0.3048},
     "m": {"m": 1.0, "ft": 0.3048},
 }
+PATHS = {"position": (2, "m"), "lat_lon": (2, ""), "velocity": (2, "m/s")}
 # {channel: {how it is made: (number of columns, unit that these have)}}
 MADE: Mapping[str, Mapping[str, tuple[int, str]]] = {
-    "r": {"heading": (1, "rad"), "quaternion": (4, "")},
+    "r": {"heading": (1, "rad"), "quaternion": (4, ""), **PATHS, "columns": (3, "rad/s")},
+    "p": {"columns": (3, "rad/s")},
+    "ay": {"columns": (3, "m/s^2")},
     "psi": {"quaternion": (4, "")},
-    "speed": {"position": (2, "m"), "velocity": (2, "m/s")},
+    "speed": PATHS,
 }
 
 
@@ -81,13 +89,16 @@ MADE: Mapping[str, Mapping[str, tuple[int, str]]] = {
 class Column:
     """The columns of a channel: (value - offset) * scale is in the channel's unit.
 
-    made: "" for one column as it is, else how several make the channel (MADE).
+    made: "" for one column as it is, else how several make the channel (MADE). along: weights of `columns`.
+    unit: as given, "" for the channel's own.
     """
 
     names: tuple[str, ...]
     scale: float = 1.0
     offset: float = 0.0
     made: str = ""
+    along: tuple[float, ...] = ()
+    unit: str = ""
 
     @property
     def source(self) -> str:
@@ -234,7 +245,9 @@ def _column(channel: str, given: Any, header: Sequence[str]) -> Column:
     entry = {"column": given} if isinstance(given, str) else given
     ways = {"column": (1, UNITS.get(channel, "s")), **MADE.get(channel, {})}
     way = next((key for key in ways if isinstance(entry, Mapping) and key in entry), "column")
-    if not isinstance(entry, Mapping) or not set(entry) <= {way, "scale", "offset", "unit"}:
+    weighted = {"along"} if way == "columns" else set()
+    keys = {way, "scale", "offset", "unit", *weighted}
+    if not isinstance(entry, Mapping) or not weighted <= set(entry) <= keys:
         raise UsageError(
             f'Column map: {channel} = {given!r}, it must be "name" or {{column, unit, scale, offset}}'
         )
@@ -253,7 +266,10 @@ def _column(channel: str, given: Any, header: Sequence[str]) -> Column:
         wanted = "above 0" if channel == "time" else "another number"
         raise UsageError(f"Column map: scale of {channel} = {entry['scale']!r}, it must be {wanted}")
     offset = _number(f"offset of {channel}", entry.get("offset", 0.0))
-    return Column(names, scale, offset, "" if way == "column" else way)
+    along = tuple(_number(f"along of {channel}", x) for x in entry.get("along", ()))
+    if weighted and len(along) != count:
+        raise UsageError(f"Column map: {channel} = {given!r}; along needs {count} numbers")
+    return Column(names, scale, offset, "" if way == "column" else way, along, entry.get("unit", ""))
 
 
 def _factor(channel: str, own: str, unit: Any) -> float:
@@ -275,6 +291,27 @@ HELD = 0.15  # s; a value that repeats for less is one sample that was written s
 def heading_of(x: Array, y: Array, z: Array, w: Array) -> Array:
     """The heading (n,) rad, left positive with z up, of quaternions with w last."""
     return np.arctan2(2 * (w * z + x * y), 1 - 2 * (y**2 + z**2))
+
+
+DEGREE = 111_319.5  # m, of a great circle
+
+
+def local_metres(lat: Array, lon: Array) -> tuple[Array, Array]:
+    """East and north (n,) m of the first position, of degrees; nan where both are 0, as without a fix."""
+    none = (lat == 0) & (lon == 0)
+    lat, lon = np.where(none, np.nan, lat), np.where(none, np.nan, lon)
+    known = np.flatnonzero(np.isfinite(lat + lon))[:1]
+    if not known.size:
+        return lat, lon
+    north, east = lat - lat[known[0]], (lon - lon[known[0]] + 180) % 360 - 180
+    return east * DEGREE * np.cos(np.radians(lat)), north * DEGREE
+
+
+def course_rate(vx: Array, vy: Array, ax: Array, ay: Array) -> Array:
+    """How fast (n,) rad/s the course of this velocity and its slope turns; 0 at standstill."""
+    speed = np.hypot(vx, vy)
+    fast = np.maximum(speed, 0.2 * float(np.percentile(speed, 95)) + 1e-12)
+    return np.asarray((vx * ay - vy * ax) / fast**2)
 
 
 def slope(t: Array, x: Array) -> Array:

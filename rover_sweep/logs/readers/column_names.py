@@ -68,6 +68,9 @@ _NOT = {
     ),
     "r": re.compile(r"\b(acc\w*|err\w*|cov\w*|mag\w*|vel encoder)\b"),
 }
+_DEGREES = re.compile(r"\b(lat|latitude|lon|lng|long|longitude)$")
+_ROTATION = re.compile(r"\b(e ?rpm|erpm|rpm|rps|revs?|revolutions|drehzahl)\b")
+_STEERED = re.compile(r"\b(steer\w*|hand|swa|yaw)\b")
 UNIT_WORDS: dict[str, str] = {  # in brackets or as the last word of a name: the unit
     **dict.fromkeys(("degps", "dps", "deg s", "degrees s", "degs", "deg sec", "deg per s", "° s"), "deg/s"),
     **dict.fromkeys(("radps", "rad s", "rads", "rad sec"), "rad/s"),
@@ -78,6 +81,7 @@ UNIT_WORDS: dict[str, str] = {  # in brackets or as the last word of a name: the
     **dict.fromkeys(("kn", "kt", "kts", "knots"), "kn"),
     **dict.fromkeys(("m s", "mps", "ms 1"), "m/s"),
     **dict.fromkeys(("m s 2", "m s2", "m s^2", "mps2", "ms2", "mss", "m s s"), "m/s^2"),
+    **dict.fromkeys(("rpm", "erpm", "1 min", "u min"), "rpm"),
     "g": "g",
     "us": "us",
     "usec": "us",
@@ -124,6 +128,17 @@ def says_anything(name: str) -> bool:
     return bool({"x", "y", "z", "w", "east", "north", "lon", "lat"} & set(last)) or any(
         name_weight(role, name) >= 0.3 for role in roles
     )
+
+
+def is_degrees(name: str) -> bool:
+    """True for a name that says latitude or longitude."""
+    return bool(_DEGREES.search(words_of(without_unit(name))))
+
+
+def is_rotation(name: str) -> bool:
+    """True for the revolutions of a wheel or a motor: a speed of unknown scale."""
+    turns = unit_in(name) in ("rpm", "rad/s", "deg/s") and re.search(r"\b(wheel|motor|shaft)", words_of(name))
+    return bool(_ROTATION.search(words_of(name)) or (turns and not _STEERED.search(words_of(name))))
 
 
 def is_numbered(name: str) -> bool:

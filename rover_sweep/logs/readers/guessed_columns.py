@@ -7,28 +7,34 @@ steering. These relations also give units and signs.
 
 from __future__ import annotations
 
-import json
-import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
-from math import log
+from math import acos, degrees, log, sqrt
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rover_sweep.data.results import NORMAL_90
 from rover_sweep.errors import DataRefused, UsageError
-from rover_sweep.logs.log import Array
-from rover_sweep.logs.readers.column_grid import GRID_HZ, ColumnGrid, gridded, relation
+from rover_sweep.logs.log import Array, disorder
+from rover_sweep.logs.readers.column_grid import (
+    GRID_HZ,
+    ColumnGrid,
+    FoundColumn,
+    gridded,
+    relation,
+    toml_value,
+)
 from rover_sweep.logs.readers.column_map import FACTORS
 from rover_sweep.logs.readers.column_names import (
     is_another,
     is_commanded,
     is_numbered,
+    is_rotation,
     name_weight,
     unit_in,
-    words_of,
 )
 from rover_sweep.logs.readers.motion_columns import (
     LINK,
@@ -36,37 +42,19 @@ from rover_sweep.logs.readers.motion_columns import (
     UNRECORDED,
     WEAK,
     MotionColumns,
+    direction,
     motion_columns,
     moving_parts,
+    speed_is_known,
     yaw_rate_of,
 )
-from rover_sweep.logs.readers.tables import FEWEST_ROWS, RecordedTable
+from rover_sweep.logs.readers.tables import FEWEST_ROWS, RecordedTable, times_in
 
 NAMED = 0.7  # weight of a name that says the role
 LAGS = range(-4, 13)  # steps of the grid from steering to yaw rate
+BLOCK = 5.0  # s, beyond which what a scale is fitted to counts as independent
 LENGTHS = 0.1, 4.5  # m, of wheelbases
 RATIO_UNKNOWN = "identify with --wheelbase finds it, as steering_ratio; models need it as scale"
-
-
-@dataclass(frozen=True)
-class FoundColumn:
-    """A line of the column map. channel: its key; entry: its value, None where it stays undecided.
-
-    certainty: "certain", "likely" or "a guess". also: lines to write instead of it, as comments.
-    """
-
-    channel: str
-    entry: Any
-    certainty: str
-    reason: str
-    also: tuple[str, ...] = ()
-
-    def lines(self) -> Iterator[str]:
-        """Its text in the map."""
-        yield f"# {self.certainty}: {self.reason}" if self.entry is not None else f"# {self.reason}"
-        if self.entry is not None:
-            yield f"{self.channel} = {_toml(self.entry)}"
-        yield from (f"# {line}" for line in self.also)
 
 
 @dataclass(frozen=True)
@@ -101,14 +89,16 @@ class ColumnGuess:
     @property
     def unsure(self) -> tuple[str, ...]:
         """Channels whose unit is a guess."""
-        return tuple(line.channel for line in self.found if line.channel in ("r", "speed") and line.also)
+        return tuple(
+            f.channel for f in self.found if f.channel in ("r", "speed") and f.also and f.entry is not None
+        )
 
     def sentence(self) -> str:
         """What was taken for what, and how to correct it."""
-        taken = ", ".join(f"{k} = {_toml(v)}" for k, v in self.map.items())
+        taken = ", ".join(f"{k} = {toml_value(v)}" for k, v in self.map.items())
         units = f"; the unit of {' and of '.join(self.unsure)} is not certain" if self.unsure else ""
-        no_angle = any(line.channel == "delta" and RATIO_UNKNOWN in line.reason for line in self.found)
-        units += "; delta is no angle in rad: read its rad as the unit of the column" if no_angle else ""
+        no_angle = '"full"' in toml_value(self.map.get("delta", ""))
+        units += "; delta is no angle, its unit is full steering" if no_angle else ""
         return (
             f"columns of {self.table}, found by their names and values: {taken}{units}; to correct them, "
             f"write the map with `rover-sweep columns`, and give it with --columns"
@@ -119,14 +109,6 @@ class ColumnGuess:
         return "\n".join(line for found in self.found for line in found.lines()) + "\n"
 
 
-def _toml(value: Any) -> str:
-    if isinstance(value, Mapping):
-        return "{" + ", ".join(f"{k} = {_toml(v)}" for k, v in value.items()) + "}"
-    if isinstance(value, list):
-        return "[" + ", ".join(map(_toml, value)) + "]"
-    return json.dumps(value, ensure_ascii=False)
-
-
 def guess_columns(table: RecordedTable) -> ColumnGuess:
     """The roles of a table's columns, each with its certainty and reasons."""
     grid = gridded(table)
@@ -134,9 +116,17 @@ def guess_columns(table: RecordedTable) -> ColumnGuess:
     found: list[FoundColumn] = []
     missing: list[str] = []
     if motion.r and motion.speed:
-        steering = list(_steering_lines(grid, motion))
+        tried, why = _steered(grid, motion)
+        _, name, share, gain, *_ = tried[0] if tried else (0.0, "", 0.0, 0.0)
+        angle = share > 0.2 and _steering_unit(grid, name, gain)[0] == "delta"
+        back = direction(grid, motion, gain if angle else 0.0)
+        steering = list(_steering_lines(grid, motion, tried, why, back[0]))
         steered = any(s.channel in ("delta", "pwm") and s.certainty == "certain" for s in steering)
-        found += [*_motion_lines(grid, motion, steered), *steering, *_other_lines(grid, motion)]
+        found += [*_motion_lines(grid, motion, steered, back), *steering, *_other_lines(grid, motion)]
+        if motion.r.startswith("path ") and share < WEAK:  # of positions that are too coarse
+            words = f"follows V times the steering to {100 * share:.0f} % only: the positions are too coarse"
+            reason = f"not found: yaw rate; how fast the course over ground turns {words}"
+            found = [replace(f, entry=None, reason=reason) if f.channel == "r" else f for f in found]
         if table.name.endswith(".ulg") and not motion.turned:
             found.append(FoundColumn("axes", "frd", "certain", "PX4 logs forward, right and down"))
     for channels, title in ((("delta", "pwm"), "steering"), (("r",), "yaw rate"), (("speed",), "speed")):
@@ -144,10 +134,6 @@ def guess_columns(table: RecordedTable) -> ColumnGuess:
             missing.append(title)
             if not any(line.channel in channels for line in found):
                 found.append(_undecided(channels[0], title, table))
-    degrees = [n for n in table.header if re.search(r"\b(lat|latitude|lon|lng|longitude)\b", words_of(n))]
-    if "speed" in missing and len(degrees) > 1:
-        words = f"{' and '.join(degrees[:2])} are not read as a position; add columns of it in m"
-        found.append(FoundColumn("speed", None, "", words, ('speed = {position = ["x", "y"]}',)))
     clock = _clock_lines(grid, table, found)
     if not clock.entry and any(s.time is None for s in table.streams):
         missing.insert(0, "time")
@@ -165,12 +151,17 @@ def _obstacle(table: RecordedTable, grid: ColumnGrid) -> str:
     twice = [name for name in table.header if table.header.count(name) > 1]
     if twice:
         return f"it has {table.header.count(twice[0])} columns {twice[0]}; rename all but one"
-    known = [c.time[np.isfinite(c.time)] for c in grid.clocks.values()]
+    known = [t[np.isfinite(t)] for t, _ in grid.clocks.values()]
     if len(known) > 1 and max(t[0] for t in known) >= min(t[-1] for t in known):
         return (
             "its parts were recorded at no common time by their clocks; are they of one drive, and the times "
             "in one unit?"
         )
+    for name in (n for n in table.header if not grid.clocks and name_weight("time", n) >= 0.6):
+        dates = times_in(table.of(name)[name])
+        t = table.of(name).numbers(name) if dates is None else dates
+        if t is not None and (back := disorder(f"column {name}", t)):
+            return back
     named = [n for n in table.header if name_weight("speed", n) >= 0.5]
     zero = [n for n in named if (x := table.of(n).numbers(n)) is not None and not np.any(x)]
     if zero and zero == named:
@@ -191,7 +182,7 @@ def _clock_lines(grid: ColumnGrid, table: RecordedTable, found: Sequence[FoundCo
     """The line of the time: of every recording whose columns are used."""
     used = {name for line in found if line.entry is not None for name in _named(line.entry)}
     numbers = [n for n, s in enumerate(table.streams) if used & set(s.names) and n in grid.clocks]
-    clocks = [grid.clocks[n] for n in numbers or list(grid.clocks)[:1]]
+    clocks = [grid.clocks[n][1] for n in numbers or list(grid.clocks)[:1]]
     own = [c for c in clocks if c.entry is not None]
     if not own:
         if any(s.time is not None for s in table.streams):
@@ -213,19 +204,33 @@ def _named(entry: Any) -> set[str]:
     return {n for part in entry for n in _named(part)} if isinstance(entry, list) else set()
 
 
-def _motion_lines(grid: ColumnGrid, motion: MotionColumns, steered: bool) -> Iterator[FoundColumn]:
-    """Lines of the yaw rate, the speed and the accelerations. steered: the steering is certain with these."""
+def _motion_lines(
+    grid: ColumnGrid, motion: MotionColumns, steered: bool, back: tuple[bool, str]
+) -> Iterator[FoundColumn]:
+    """Lines of the yaw rate, the speed and the accelerations. steered: the steering is certain with these.
+
+    back: `direction` of the drive.
+    """
     links, units = motion.links, motion.units
     made = motion.r == motion.heading
-    reasons = [] if made or name_weight("r", motion.r) < 0.3 else ["its name"]
-    if made:
+    of = grid.made.get(motion.r, {})
+    reasons = [] if made or of or name_weight("r", motion.r) < 0.3 else ["its name"]
+    if "along" in of:
+        tilt = degrees(acos(min(1.0, abs(of["along"][2]))))
+        reasons.append(f"gravity's mean direction is up: the sensor's z is {tilt:.0f} deg off it")
+    if motion.r.startswith("path "):
+        reasons.append(
+            "no gyro and no heading was found, so it is how fast the course over ground turns: early by the "
+            "distance from the rear axle to the antenna over the speed, and blurred in quick turns"
+        )
+    elif made:
         reasons.append("no gyro was found, so it is the slope of the heading")
     if "heading" in links:
         reasons.append(f"its integral is the heading {motion.heading} ({_share(links['heading'])})")
     if "course" in links:
         reasons.append(f"the course over ground turns with it ({_share(links['course'])})")
     if links.get("V r", (0, 0))[1] > WEAK:
-        reasons.append(f"V r is the lateral acceleration {motion.ay} ({_share(links['V r'])})")
+        reasons.append(f"V r is the lateral acceleration {_plain(grid, motion.ay)} ({_share(links['V r'])})")
     if steered:
         reasons.append("it follows the steering")
     unit = units["r"]
@@ -239,58 +244,85 @@ def _motion_lines(grid: ColumnGrid, motion: MotionColumns, steered: bool) -> Ite
     elif made:
         entry = {"heading": motion.r, **({"unit": "deg"} if unit == "deg/s" else {}), **scale}
     else:
-        entry = _entry(motion.r, unit, "rad/s", scale)
+        entry = _entry(of or motion.r, unit, "rad/s", scale)
     sure = len(reasons) - 1 - motion.turned
     other = "deg/s" if unit == "rad/s" else "rad/s"
-    also = (f"r = {_toml(_entry(motion.r, other, '', scale))}",) if not (known or made) else ()
+    also = (f"r = {toml_value(_entry(of or motion.r, other, '', scale))}",) if not (known or made) else ()
     yield FoundColumn("r", entry, _certainty(sure if known else min(sure, 2)), "; ".join(reasons), also)
 
-    yield _speed_line(grid, motion, steered)
+    yield _speed_line(grid, motion, steered, back)
     if motion.ay:
         k, share = links["V r"]
-        sign = {"scale": -1} if (k < 0) != motion.turned else {}
-        entry = _entry(motion.ay, units["ay"], "m/s^2", sign)
+        sign = {"scale": -1} if ((k < 0) != motion.turned) != back[0] else {}
+        mounted = grid.made.get(motion.ay)
+        entry = _entry(mounted or motion.ay, units["ay"], "m/s^2", sign)
         words = f"V r explains {100 * share:.0f} % of it{', sign changed to that of V r' if sign else ''}"
-        words += "" if name_weight("ay", motion.ay) else ", so the sensor is mounted turned"
+        turned = ", of all directions across gravity the one that fits" if mounted else ""
+        words += turned or ("" if name_weight("ay", motion.ay) else ", so the sensor is mounted turned")
         if share > WEAK:
             yield FoundColumn("ay", entry, "certain" if share > LINK else "likely", f"{words}; {units['ay']}")
         else:
             reason = f"not decided: {motion.ay} is named like the lateral acceleration, but {words}"
-            yield FoundColumn("ay", None, "", reason, (f"ay = {_toml(entry)}",))
+            yield FoundColumn("ay", None, "", reason, (f"ay = {toml_value(entry)}",))
 
 
-def _speed_line(grid: ColumnGrid, motion: MotionColumns, steered: bool) -> FoundColumn:
+def _speed_line(
+    grid: ColumnGrid, motion: MotionColumns, steered: bool, back: tuple[bool, str]
+) -> FoundColumn:
     name, links, unit = motion.speed, motion.links, motion.units["speed"]
+    made = grid.made.get(name, {})
     k, share = links.get("V r", (0.0, 0.0))
+    if made.get("scale") == 0:
+        turns = made["column"]
+        words = f"{turns} are revolutions, and neither a position nor a_y over r gives their scale"
+        also = f"speed = {{column = {toml_value(turns)}, scale = ?}}  # m/s each; wheel in rpm: 2 pi R/60"
+        return FoundColumn("speed", None, "", f"not found: speed; {words}", (also,))
     if name == UNRECORDED:
         ratio = abs(k) * FACTORS["m/s^2"][motion.units["ay"]] / FACTORS["rad/s"][motion.units["r"]]
         constant = f"; {motion.ay} over the yaw rate says {ratio:.3g}" if share > WEAK else ""
         reason = f"not found: speed; where it was constant, write its number in m/s{constant}"
         return FoundColumn("speed", None, "", reason, (f"speed = {ratio if constant else 2.4:.3g}",))
-    reasons = ["its name"] if name_weight("speed", name) >= 0.3 and name not in grid.made else []
-    if name in grid.made:
+    reasons = ["its name"] if name_weight("speed", name) >= 0.3 and not made else []
+    if "column" in made:
+        by, scale = "position" if "position" in links else "V r", made["scale"]
+        half = NORMAL_90 * sqrt((1 / links[by][1] - 1) / max(grid.x[name].size / GRID_HZ / BLOCK, 1.0))
+        by = {"position": "the position's slope", "V r": "a_y over r"}[by]
+        low, high = sorted((scale * (1 - half), scale * (1 + half)))
+        reasons += [f"revolutions, scaled by {by}: {scale:.3g} ({low:.3g} to {high:.3g}) m/s each"]
+    elif made:
         reasons += ["made of two columns, as no speed was found"]
     elif "position" in links and links["position"][1] > 0.5:
         reasons.append(f"it is the slope of the position {motion.position} ({_share(links['position'])})")
     if share > WEAK:
-        reasons.append(f"times the yaw rate it is {motion.ay}")
+        reasons.append(f"times the yaw rate it is {_plain(grid, motion.ay)}")
     if steered:
         reasons.append("times the steering it is the yaw rate")
-    sure = motion.sure > 1 or name in grid.made or unit_in(name) == unit
-    sign = {"scale": -1} if np.median(grid.x[name]) < 0 else {}
-    if sign:
-        reasons.append("sign changed, as most of it is below 0: forward is positive")
-    also = (f"speed = {_toml({'column': name, 'unit': u})}" for u in SPEED_UNITS if u != unit)
-    entry = dict(grid.made[name]) if name in grid.made else _entry(name, unit, "m/s", sign)
+    sure = motion.sure > 1 or bool(made) or unit_in(name) == unit
+    sign = {"scale": -1} if (np.median(grid.x[name]) < 0) != back[0] else {}
+    reasons += [back[1]] if back[1] else []
+    also = [f"speed = {toml_value({'column': name, 'unit': u})}" for u in SPEED_UNITS if u != unit]
+    if "column" in made and "position" not in links:
+        less = toml_value({**made, "scale": 0.9 * made["scale"]})
+        sure, also = False, [f"speed = {less}  # if a_y has 10 % of roll in it"]
+    whole = {**made, "scale": made.get("scale", 1.0) * sign.get("scale", 1)} if made and sign else made
+    entry = whole or _entry(name, unit, "m/s", sign)
     words = "; ".join([*reasons, f"unit {unit}" + ("" if sure else ", not certain")])
     return FoundColumn(
-        "speed", entry, _certainty(len(reasons) - len(sign)), words, () if sure else tuple(also)
+        "speed", entry, _certainty(len(reasons) - bool(back[1])), words, () if sure else tuple(also)
     )
 
 
-def _entry(name: str, unit: str, own: str, more: Mapping[str, Any]) -> Any:
+def _entry(name: str | dict[str, Any], unit: str, own: str, more: Mapping[str, Any]) -> Any:
+    """Of a column, or of what several columns make."""
     extra = {**({"unit": unit} if unit != own else {}), **more}
+    if isinstance(name, dict):
+        return {**name, **extra}
     return {"column": name, **extra} if extra else name
+
+
+def _plain(grid: ColumnGrid, name: str) -> str:
+    """The column, or those it is made of."""
+    return ", ".join(grid.made[name]["columns"]) if "along" in grid.made.get(name, {}) else name
 
 
 def _share(found: tuple[float, float]) -> str:
@@ -304,18 +336,17 @@ def _certainty(evidence: int) -> str:
 # Steering
 
 
-def _steering_lines(grid: ColumnGrid, motion: MotionColumns) -> Iterator[FoundColumn]:
-    """The line of the steering, and of how its samples hold."""
+def _steered(
+    grid: ColumnGrid, motion: MotionColumns
+) -> tuple[list[tuple[float, str, float, float, float, float]], str]:
+    """([(score, column, share, curvature a unit, lag, weight of name)], best first; why there is none)."""
     sign = -1.0 if motion.turned else 1.0
     r = yaw_rate_of(grid, motion) * FACTORS["rad/s"][motion.units["r"]] * sign
     v = grid.x[motion.speed] * FACTORS["m/s"][motion.units["speed"]]
     v = v * (np.sign(np.median(v)) or 1.0)
     moving = moving_parts(grid, motion.speed)
     if moving.sum() < 40:
-        yield FoundColumn(
-            "delta", None, "", "not found: steering; the vehicle hardly moves", ('delta = "?"',)
-        )
-        return
+        return [], "the vehicle hardly moves"
     taken = {motion.r, motion.speed, motion.ay, motion.heading, *motion.position.split(", ")}
     tried = []
     for name in grid.dot:
@@ -328,19 +359,32 @@ def _steering_lines(grid: ColumnGrid, motion: MotionColumns) -> Iterator[FoundCo
         share, gain, lag = _follows(r, v, x, moving)
         early = 0.3 * (lag < 0) + 0.1 * (lag == 0)
         if weight >= NAMED or is_numbered(name) or share > (0.2 if weight else 0.6):
+            gain = gain if speed_is_known(grid, motion) else 0.0
             tried.append((share + 0.5 * weight - early, name, share, gain, lag, weight))
     tried.sort(key=lambda found: -found[0])
     if not tried or (tried[0][2] < 0.2 and tried[0][5] < NAMED):
         still = [n for n in grid.unchanged if name_weight("steering", n) >= NAMED]
-        why = f"{still[0]} does not change" if still else "no column moves the yaw rate"
+        return [], f"{still[0]} does not change" if still else "no column moves the yaw rate"
+    return tried, ""
+
+
+def _steering_lines(
+    grid: ColumnGrid,
+    motion: MotionColumns,
+    tried: Sequence[tuple[float, str, float, float, float, float]],
+    why: str,
+    reverse: bool,
+) -> Iterator[FoundColumn]:
+    """The line of the steering, and of how its samples hold. tried, why: see `_steered`."""
+    if not tried:
         yield FoundColumn("delta", None, "", f"not found: steering; {why}", ('delta = "?"',))
         return
     best = tried[0]
     _, name, share, gain, lag, weight = best
-    channel, more, unit_words = _steering_unit(grid, name, gain if motion.speed != UNRECORDED else 0.0)
+    channel, more, unit_words = _steering_unit(grid, name, gain)
     reasons = ["its name"] if weight >= 0.3 else []
     reasons.append(f"the yaw rate follows V times it ({100 * share:.0f} %), {lag:.2f} s later")
-    if channel == "delta" and gain < 0 and share > 0.2:
+    if channel == "delta" and (gain < 0) != reverse and share > 0.2:
         more = {**more, "scale": -float(more.get("scale", 1.0))}
         reasons.append("sign changed: left is positive")
     reasons.append(unit_words)
@@ -348,7 +392,7 @@ def _steering_lines(grid: ColumnGrid, motion: MotionColumns) -> Iterator[FoundCo
         reasons.append("the yaw rate leads it: are its clock or its column right?")
     strong = (share > 0.5) + (share > LINK) + (weight >= NAMED)
     others = [n for s, n, *_ in tried[1:4] if s > best[0] - 0.3 and s > 0.5]
-    also = tuple(f"{channel} = {_toml(_entry(n, '', '', more))}" for n in others)
+    also = tuple(f"{channel} = {toml_value(_entry(n, '', '', more))}" for n in others)
     yield FoundColumn(channel, _entry(name, "", "", more), _certainty(int(strong)), "; ".join(reasons), also)
     if grid.held[name] > 0.5 and is_commanded(name):
         yield FoundColumn("sampling", "step", "likely", f"{100 * grid.held[name]:.0f} % of its values repeat")
@@ -392,7 +436,8 @@ def _steering_unit(grid: ColumnGrid, name: str, gain: float) -> tuple[str, dict[
         return "delta", {"unit": unit} if unit == "deg" else {}, words
     full = next((f for f in (1.0, 100.0, 1000.0, 1e4) if size < 1.1 * f), 1e5)
     scale = {"scale": 1 / full} if full > 1 and size > 18 else {}
-    return "delta", scale, f"no angle, up to {size:.3g}: its size in rad is unknown; {RATIO_UNKNOWN}"
+    words = f"no angle, up to {size:.3g}: its size in rad is unknown; {RATIO_UNKNOWN}"
+    return "delta", {"unit": "full", **scale}, words
 
 
 # Everything else
@@ -402,14 +447,22 @@ def _other_lines(grid: ColumnGrid, motion: MotionColumns) -> Iterator[FoundColum
     """Roll rate from the gyro of the yaw rate; comments on what the map has no use for."""
     columns = [n for n in grid.dot if n not in grid.made and n != motion.r]
     same = [n for n in columns if grid.stream[n] == grid.stream[motion.r]]
+    recorded = motion.speed in grid.mean and motion.speed not in grid.made
+    for name in (n for n in columns if recorded and is_rotation(n)):
+        k, share = relation(grid.mean[motion.speed], grid.mean[name])
+        if share > LINK:
+            other = {"column": name, "scale": float(f"{k * FACTORS['m/s'][motion.units['speed']]:.4g}")}
+            words = f"revolutions that follow the speed ({100 * share:.0f} %)"
+            yield FoundColumn("speed", None, "", words, (f"speed = {toml_value(other)}",))
     roll = max(same, key=lambda n: name_weight("p", n), default="")
     turned = motion.ay and not name_weight("ay", motion.ay)
-    if roll and name_weight("p", roll) >= NAMED and motion.r != motion.heading and not turned:
+    tilted = "along" in grid.made.get(motion.r, {})
+    if roll and name_weight("p", roll) >= NAMED and motion.r != motion.heading and not (turned or tilted):
         entry = _entry(roll, motion.units["r"], "rad/s", {})
         yield FoundColumn("p", entry, "likely", "its name; unit as the yaw rate's")
     for role, what in (("ax", "longitudinal acceleration"), ("vy", "lateral speed")):
         named = max(columns, key=lambda n: name_weight(role, n), default="")
-        if named and name_weight(role, named) >= NAMED and named != motion.ay:
+        if named and name_weight(role, named) >= NAMED and named != motion.ay and not tilted:
             use = "not used" if role == "ax" else "write vy = ... if it was measured at the centre of gravity"
             yield FoundColumn(role, None, "", f"{what}: {named} ({use})")
 

@@ -15,11 +15,14 @@ from rover_sweep.data.recording import LowPass, Note, Signal
 from rover_sweep.errors import DataRefused
 from rover_sweep.logs.log import Array, Log, increasing, refuse_disorder
 from rover_sweep.logs.readers.column_map import (
+    PATHS,
     UNITS,
     Column,
     ColumnMap,
     StreamClock,
+    course_rate,
     heading_of,
+    local_metres,
     own_names,
     parse_column_map,
     read_column_map,
@@ -141,7 +144,19 @@ def _values(table: RecordedTable, column: Column) -> Array:
     if column.made == "quaternion":
         parts = [heading_of(*parts)]
     scaled = [(part - column.offset) * column.scale for part in parts]
-    return np.stack([np.hypot(*scaled)] if column.made == "velocity" else scaled, 1)
+    match column.made:
+        case "lat_lon":
+            scaled = list(local_metres(*scaled))
+        case "columns":
+            scaled = [sum(weight * part for weight, part in zip(column.along, scaled, strict=True))]
+    return np.stack(scaled, 1)
+
+
+def _moved(t: Array, column: Column, parts: Sequence[Array], turns: bool) -> Array:
+    """Speed (n,) m/s over the ground of a position or velocity, or how fast its course turns, rad/s."""
+    vx, vy = parts if column.made == "velocity" else (slope(t, part) for part in parts)
+    moved = course_rate(vx, vy, slope(t, vx), slope(t, vy)) if turns else np.hypot(vx, vy)
+    return moved * np.sign(column.scale)
 
 
 def _log(name: str, table: RecordedTable, rows: Sequence[NDArray[np.bool_]], columns: ColumnMap) -> Log:
@@ -161,8 +176,8 @@ def _log(name: str, table: RecordedTable, rows: Sequence[NDArray[np.bool_]], col
         x = parts[0]
         if column.made in ("heading", "quaternion"):
             x = np.unwrap(x) if channel == "psi" else slope(t, np.unwrap(x))
-        elif column.made == "position":
-            x = np.hypot(*(slope(t, part) for part in parts))
+        elif column.made in PATHS and t.size:
+            x = _moved(t, column, parts, channel == "r")
         if columns.frd and channel in SIGN_CHANGES:
             x = -x
         if t.size:
@@ -181,6 +196,9 @@ def _log(name: str, table: RecordedTable, rows: Sequence[NDArray[np.bool_]], col
     for channel, value in columns.constants.items():
         signals[channel] = Signal(whole, np.full(whole.size, value), UNITS[channel], "column map")
     steering = tuple(signals.pop(c) for c in ("delta", "pwm") if c in signals)
+    courses = columns.columns["r"].made in PATHS
+    angle = "delta" not in columns.columns or columns.columns["delta"].unit != "full"
+    unsure = (*table.unsure, *(() if angle else ("delta",)), *(("course",) if courses else ()))
     gyro, accel = (columns.filters.get(key, 0.0) for key in ("gyro_hz", "accel_hz"))
     filters = {
         c: LowPass(f, "column map")
@@ -189,7 +207,7 @@ def _log(name: str, table: RecordedTable, rows: Sequence[NDArray[np.bool_]], col
     }
     return Log(
         name=name,
-        unsure=table.unsure,
+        unsure=unsure,
         signals=signals,
         steering=steering,
         filters=filters,

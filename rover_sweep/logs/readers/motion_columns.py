@@ -7,27 +7,31 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import product
 from math import log, pi
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rover_sweep.logs.log import Array
 from rover_sweep.logs.readers.column_grid import EVERY, GRID_HZ, ColumnGrid, means, relation
-from rover_sweep.logs.readers.column_map import FACTORS
+from rover_sweep.logs.readers.column_map import DEGREE, FACTORS, course_rate
 from rover_sweep.logs.readers.column_names import (
     is_another,
     is_numbered,
+    is_rotation,
     name_weight,
     unit_in,
     without_unit,
     words_of,
 )
+from rover_sweep.logs.readers.mounted_imu import add_sideways, add_upright, gravity
 
 LINK = 0.8  # share of the variance, from which a relation between two columns counts
 WEAK = 0.35  # from which it is used for units and signs
 UNIT = 0.15  # of the natural logarithm of a factor, within which it is that of a unit
 HARDEST, TIGHTEST = 25.0, 0.5  # m/s^2 and m, of turns that vehicles of usual sizes drive
 NEARER = 0.02  # of a share, by which a column must be nearer to one position's slope than to the speed
+AHEAD = 0.87  # mean cosine between heading and course, from which they agree: 30 degrees
 COURSE = 0.5  # likewise for the course over ground, from which a slipping vehicle turns away
 UNRECORDED = "(a speed that was not recorded)"
 SPEED_UNITS, RATE_UNITS, ACCELERATION_UNITS = ("m/s", "km/h", "mph"), ("rad/s", "deg/s"), ("m/s^2", "g")
@@ -54,11 +58,18 @@ class MotionColumns:
 
 @dataclass(frozen=True, eq=False)
 class _Ground:
-    """Speed over ground (n,) m/s of two position columns; means of it, and of the course's rate, rad/s."""
+    """Speed over ground (n,) m/s and rate of the course (n,) rad/s of two position columns, and their means.
+
+    course: (n,) rad from the first axis. slopes: (share, column) of a velocity for each position. made: the
+    map's entry for both. path: the grid's column of the course.
+    """
 
     name: str
-    pair: tuple[str, str]
+    made: dict[str, Any]
+    path: str
     speed: Array
+    course: Array
+    slopes: tuple[tuple[float, str], ...]
     mean_speed: Array
     mean_rate: Array
 
@@ -70,26 +81,44 @@ def _grounds(grid: ColumnGrid) -> Iterator[_Ground]:
     names = [n for n in grid.dot if n not in parts and all(name_weight(role, n) < 0.6 for role in moving)]
     for k, one in enumerate(names):
         words = words_of(without_unit(one))
-        for x, y in (("x", "y"), ("east", "north"), ("lon", "lat"), ("longitude", "latitude"), ("e", "n")):
+        for x, y in _AXES:
             if words.split()[-1:] != [x] and not words.endswith(f"pos{x}"):
                 continue
             other = y.join(words.rsplit(x, 1))
             two = next((n for n in names if words_of(without_unit(n)) == other), "")
             if two and grid.stream[one] == grid.stream[two]:
-                yield _ground(grid, one, two, degrees=x.startswith("lon"))
+                yield _ground(grid, one, two, degrees=x.startswith("l"))
         two = names[k + 1] if k + 1 < len(names) else ""
         if two and is_numbered(one) and re.sub(r"\d+\]?$", "", one) == re.sub(r"\d+\]?$", "", two):
             yield _ground(grid, one, two)
 
 
+_AXES = (
+    *(("x", "y"), ("east", "north"), ("e", "n")),
+    *(("lon", "lat"), ("lng", "lat"), ("long", "lat"), ("longitude", "latitude")),
+)
+
+
 def _ground(grid: ColumnGrid, one: str, two: str, degrees: bool = False) -> _Ground:
+    """The made columns are of two velocities, where these are the slopes of the positions."""
     vx, vy = grid.dot[one], grid.dot[two]
+    made: dict[str, Any] = {"position": [one, two]}
+    slopes = () if degrees else (_slope_of(grid, one), _slope_of(grid, two))
     if degrees:
-        vx, vy = vx * 111319.5 * np.cos(np.radians(grid.x[two])), vy * 111319.5
+        whole = float(np.max(np.abs(grid.x[two]))) > 400  # 1e-7 degrees, as in MAVLink
+        scale = 1e-7 if whole else 1.0
+        made = {"lat_lon": [two, one], **({"scale": scale} if whole else {})}
+        vx = vx * scale * DEGREE * np.cos(np.radians(scale * grid.x[two]))
+        vy = vy * scale * DEGREE
+    elif all(pair := [name for _, name in slopes]):
+        made, (vx, vy) = {"velocity": pair}, (grid.x[name] for name in pair)
     speed = np.hypot(vx, vy)
-    ax, ay = np.gradient(vx) * GRID_HZ, np.gradient(vy) * GRID_HZ
-    fast = np.maximum(speed, 0.2 * float(np.percentile(speed, 95)) + 1e-12)
-    return _Ground(f"{one}, {two}", (one, two), speed, means(speed), means((vx * ay - vy * ax) / fast**2))
+    rate = course_rate(vx, vy, np.gradient(vx) * GRID_HZ, np.gradient(vy) * GRID_HZ)
+    course = np.unwrap(np.arctan2(vy, vx))
+    path = "" if is_numbered(one) else f"path {one}, {two}"
+    if path:
+        grid.make(path, made, one, course, rate)
+    return _Ground(f"{one}, {two}", made, path, speed, course, slopes, means(speed), means(rate))
 
 
 def motion_columns(grid: ColumnGrid) -> MotionColumns:
@@ -97,8 +126,9 @@ def motion_columns(grid: ColumnGrid) -> MotionColumns:
     if not grid.dot:
         return MotionColumns()
     grounds = list(_grounds(grid))
+    add_upright(grid)
     speeds = sorted(_speeds(grid, grounds), key=lambda s: -s[0])[:6]
-    named = [name for _, name, _, _ in speeds if name_weight("speed", name) >= 0.5]
+    named = [name for _, name, _, _ in speeds if name not in grid.made and name_weight("speed", name) >= 0.5]
     speeds += [] if named else _made_speeds(grid, grounds)
     if not speeds:  # a constant one that was not recorded
         grid.x[UNRECORDED] = np.ones_like(next(iter(grid.x.values())))
@@ -110,7 +140,7 @@ def motion_columns(grid: ColumnGrid) -> MotionColumns:
             tried = _with_acceleration(grid, replace(one, speed=name), moving)
             share = tried.links.get("V r", (0.0, 0.0))[1]
             best = max(best, (score + more + share, tried), key=lambda pair: pair[0])
-    return best[1]
+    return _with_scale(grid, best[1])
 
 
 def moving_parts(grid: ColumnGrid, speed: str) -> NDArray[np.bool_]:
@@ -124,16 +154,9 @@ def _made_speeds(
 ) -> Iterator[tuple[float, str, _Ground | None, tuple[float, float]]]:
     """Speeds as `_speeds` gives them, made of two velocities, or else of two positions."""
     for ground in grounds:
-        pair = [_slope_of(grid, one)[1] for one in ground.pair]
-        made = {"velocity": pair} if all(pair) else {"position": list(ground.pair)}
-        title = f"{next(iter(made))} {', '.join(*made.values())}"
-        speed = np.hypot(*(grid.x[name] for name in pair)) if all(pair) else ground.speed
-        grid.made[title] = made
-        grid.x[title] = grid.raw[title] = speed
-        grid.mean[title] = means(speed)
-        grid.stream[title] = grid.stream[ground.pair[0]]
-        score = 0.8 if all(pair) else 0.0 if is_numbered(ground.pair[0]) else 0.4
-        yield score, title, ground, (1.0, 1.0)
+        (way, names), *_ = ground.made.items()
+        grid.make(title := f"{way} {', '.join(names)}", ground.made, names[0], ground.speed)
+        yield 0.8 if way == "velocity" else 0.4 if ground.path else 0.0, title, ground, (1.0, 1.0)
 
 
 def _slope_of(grid: ColumnGrid, position: str) -> tuple[float, str]:
@@ -150,10 +173,13 @@ def _speeds(
     grid: ColumnGrid, grounds: Sequence[_Ground]
 ) -> Iterator[tuple[float, str, _Ground | None, tuple[float, float]]]:
     """(score, column, position whose slope it is, (metres per second of its unit, share))."""
-    components = [_slope_of(grid, one) for g in grounds for one in g.pair]
-    for name in grid.dot:
+    components = [slope for g in grounds for slope in g.slopes]
+    for name in list(grid.dot):
         x, weight = grid.x[name], name_weight("speed", name)
         forward = float(np.mean(x * np.sign(np.median(x)) > -0.05 * np.max(np.abs(x))))
+        if is_rotation(name) and name not in grid.made:
+            yield _of_rotation(grid, name, grounds)
+            continue
         if name in grid.made or is_another("speed", name) or (weight < 0.5 and forward < 0.9):
             continue
         links = [(*relation(g.mean_speed, np.abs(grid.mean[name])), g) for g in grounds if name not in g.name]
@@ -168,6 +194,39 @@ def _speeds(
             yield weight, name, near or (grounds[0] if grounds else None), (k, share if near else 0.0)
 
 
+def _of_rotation(
+    grid: ColumnGrid, name: str, grounds: Sequence[_Ground]
+) -> tuple[float, str, _Ground | None, tuple[float, float]]:
+    """A speed as `_speeds` gives it, of a wheel's or motor's revolutions; 1 m/s without a scale."""
+    x = grid.x[name]
+    links = [(*relation(g.mean_speed, np.abs(grid.mean[name])), g) for g in grounds]
+    k, share, ground = max(links, key=lambda pair: pair[1], default=(0.0, 0.0, None))
+    scaled = share > LINK and k > 0
+    scale = float(k if scaled else 1 / (np.percentile(np.abs(x), 95) + 1e-12))
+    scale *= -1 if np.median(x) < 0 else 1
+    grid.make(title := f"{name} times its scale", {"column": name, "scale": scale}, name, scale * x)
+    return 0.3 + share, title, ground if scaled else None, (1.0, share) if scaled else (0.0, 0.0)
+
+
+def _with_scale(grid: ColumnGrid, motion: MotionColumns) -> MotionColumns:
+    """With a speed of revolutions scaled by a_y over r, where no position does it; else its scale is 0."""
+    made = grid.made.get(motion.speed, {})
+    if "column" not in made or "position" in motion.links:
+        return motion
+    k, share = motion.links.get("V r", (0.0, 0.0))
+    factor = FACTORS["m/s^2"][motion.units["ay"]] / FACTORS["rad/s"][motion.units["r"]]
+    made["scale"] *= abs(k) * factor if share > LINK else 0.0
+    if share > LINK:
+        grid.make(motion.speed, made, made["column"], abs(k) * factor * grid.x[motion.speed])
+        return replace(motion, links={**motion.links, "V r": (np.sign(k) / factor, share)})
+    return motion
+
+
+def speed_is_known(grid: ColumnGrid, motion: MotionColumns) -> bool:
+    """False for a speed that was not recorded, and for revolutions that nothing scales."""
+    return motion.speed != UNRECORDED and grid.made.get(motion.speed, {}).get("scale", 1.0) != 0
+
+
 def _yaw_rates(
     grid: ColumnGrid, ground: _Ground | None, moving: NDArray[np.bool_], place: tuple[float, float]
 ) -> Iterator[tuple[float, MotionColumns]]:
@@ -180,15 +239,16 @@ def _yaw_rates(
             0.1 * (is_numbered(name) and bool(np.ptp(grid.x[name]) > 1)),
         )
         for name in grid.dot
+        if name not in grid.made or "quaternion" in grid.made[name]
     }
     position = ground.name if ground and place[1] else ""
-    for name in grid.dot:
+    for name in list(grid.dot):
         weight = name_weight("r", name)
-        if is_another("r", name):
+        made = grid.made.get(name, {})
+        if (made and "along" not in made) or (not made and is_another("r", name)):
             continue
         links: dict[str, tuple[float, float]] = {"position": place} if position else {}
-        if name in grid.made or name in grid.period:
-            weight = 0.0
+        weight = 1.5 if made else 0.0 if name in grid.period else weight
         pairs = [
             (*relation(grid.mean[name], grid.mean_dot[h]), h) for h, w in headings.items() if w and h != name
         ]
@@ -218,11 +278,45 @@ def _yaw_rates(
         links = {"position": place} if position else {}
         links |= {"course": course} if share > WEAK else {}
         yield 0.7 * weight + 0.5 * share, MotionColumns(name, heading=name, position=position, links=links)
+    if ground is not None and ground.path:
+        links = {"position": place} if position else {}
+        yield 0.15, MotionColumns(ground.path, heading=ground.path, position=ground.name, links=links)
 
 
 def _is_unit_factor(k: float, within: float = UNIT) -> bool:
     """True for the ratio of two rates of turn, each in rad/s or deg/s."""
     return any(abs(log(abs(k) * factor + 1e-12)) < within for factor in (1.0, pi / 180, 180 / pi))
+
+
+def direction(grid: ColumnGrid, motion: MotionColumns, gain: float) -> tuple[bool, str]:
+    """(whether all was driven in reverse, why) of a speed that has one sign.
+
+    gain: of the yaw rate over |V| times the steering angle, 0 where that is no angle. The heading against the
+    course decides; else reverse needs fewer wrong signs: a_y = V r and r = V g delta hold with the sign of V.
+    """
+    x = grid.x[motion.speed]
+    back = float(np.median(x)) < 0
+    path, heading = grid.x.get(f"path {motion.position}"), motion.heading
+    if path is not None and heading in grid.dot and heading != motion.r and (back or np.min(x) >= 0):
+        unit = _angle_unit(grid, heading) or motion.units["r"].partition("/")[0]
+        psi = grid.x[heading] * FACTORS["rad"][unit]
+        away = (pi / 2 - psi if motion.turned else psi) - path
+        side = float(np.mean(np.cos(away[moving_parts(grid, motion.speed)])))
+        if abs(side) > AHEAD:
+            ahead = "along" if side > 0 else "against"
+            words = f"the heading points {ahead} the course: driven {'forward' if side > 0 else 'in reverse'}"
+            return side < 0, words if back or side < 0 else ""
+    if not back:
+        return False, ""
+    k, share = motion.links.get("V r", (0.0, 0.0))
+    lateral = 2.0 * np.sign(k) * (-1 if motion.turned else 1) if share > WEAK else 0.0
+    forward = lateral + np.sign(gain) - 1.0  # the sign of the speed itself speaks for reverse
+    if abs(forward) < 2:
+        words = "most of it is below 0, and nothing in the file says whether that is reverse or a wrong sign"
+        return False, f"{words}: taken as forward; if it was reverse, leave the scale out"
+    why = [*(["a_y"] if lateral else []), *(["the steering"] if gain else [])]
+    way = "driven forward: its sign is changed" if forward > 0 else "driven in reverse"
+    return forward < 0, f"most of it is below 0; by the sign of {' and of '.join(why)}, {way}"
 
 
 def yaw_rate_of(grid: ColumnGrid, motion: MotionColumns) -> Array:
@@ -235,9 +329,13 @@ def _with_acceleration(grid: ColumnGrid, motion: MotionColumns, moving: NDArray[
     vr = means(np.abs(grid.x[motion.speed]) * yaw_rate_of(grid, motion))
     taken = {motion.r, motion.speed, *motion.position.split(", ")}
     best = (0.0, "", (0.0, 0.0))
+    tilted = "along" in grid.made.get(motion.r, {})
+    if tilted:
+        for name, link in add_sideways(grid, motion.r, motion.speed, vr, moving):
+            best = max(best, (link[1], name, link))
     for name in grid.dot:
         own, turned = name_weight("ay", name), name_weight("ax", name)
-        if name in taken or name in grid.made or name in grid.period or not (own or turned):
+        if tilted or name in taken or name in grid.made or name in grid.period or not (own or turned):
             continue
         others = max(name_weight(role, name) for role in ("r", "p", "steering", "vy", "psi", "speed"))
         k, share = relation(grid.mean[name], vr, moving[::EVERY])
@@ -251,7 +349,10 @@ def _with_acceleration(grid: ColumnGrid, motion: MotionColumns, moving: NDArray[
 
 def _with_units(grid: ColumnGrid, motion: MotionColumns) -> MotionColumns:
     """The units of speed, yaw rate and acceleration with the least contradictions."""
-    links, told = motion.links, {role: unit_in(getattr(motion, role)) for role in ("r", "speed", "ay")}
+    links, told = motion.links, {}
+    for role in ("r", "speed", "ay"):
+        name = getattr(motion, role)
+        told[role] = unit_in(grid.made.get(name, {}).get("columns", [name])[0])
     made = motion.r == motion.heading
     if made and told["r"] in ("rad", "deg"):
         told["r"] = f"{told['r']}/s"
@@ -308,6 +409,8 @@ def _gravity_unit(grid: ColumnGrid, name: str) -> str:
     """Of an acceleration: the unit in which the vertical one beside it is gravity, "" without one."""
     if not name:
         return ""
+    if name in grid.made:
+        return gravity(grid, grid.made[name]["columns"])[1]
     same = [n for n in grid.dot if grid.stream[n] == grid.stream[name] and n != name]
     z = ["z".join(words_of(name).rsplit(axis, 1)) for axis in "xy"]
     vertical = [n for n in same if words_of(n) in z]
