@@ -6,11 +6,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Literal
 
-from rover_sweep.data.recording import Array
+from rover_sweep.data.recording import Array, Complex
 from rover_sweep.data.results import ByName, Quantity, ShortTable, Shown, ends_words, plain_number
 from rover_sweep.diagnosis.effects import library
 from rover_sweep.diagnosis.result import Mismatch, TimeHistory, UpperBound
-from rover_sweep.spectra.windowed import Complex
 
 Kind = Literal["instrument", "number", "left out", "too much", "size"]
 """instrument: of the measurement, no physics. number: same law, other value. left out, too much: physics that

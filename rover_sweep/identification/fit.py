@@ -21,7 +21,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import least_squares
 
-from rover_sweep.data.recording import Array, LowPass
+from rover_sweep.data.recording import Array, Complex, LowPass
 from rover_sweep.data.results import (
     ByName,
     PlainNumbers,
@@ -34,7 +34,6 @@ from rover_sweep.data.results import (
 from rover_sweep.identification.modes import mode_quantities
 from rover_sweep.identification.state_space import ModelStructure, Parameter
 from rover_sweep.spectra.response import Band, FrequencyResponse
-from rover_sweep.spectra.windowed import Complex
 
 # Further starting points of a fit, which show whether its result depends on the start.
 #

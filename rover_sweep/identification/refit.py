@@ -14,13 +14,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from rover_sweep.data.recording import Array, LowPass, Recording, Signal
+from rover_sweep.data.recording import Array, Complex, LowPass, Recording, Signal
 from rover_sweep.identification.fit import PHASE_WEIGHT, POINTS, Condition, restricted
 from rover_sweep.identification.grouping import Group
 from rover_sweep.identification.state_space import ModelStructure
 from rover_sweep.spectra.harmonics import CoarseTransformer, ResidualSpectra, fresh_noise
 from rover_sweep.spectra.response import RISING, Band, composite, transformed, usable_band
-from rover_sweep.spectra.windowed import Complex, Transformer, WindowSpectra, effective_averages
+from rover_sweep.spectra.windowed import Transformer, WindowSpectra, effective_averages
 
 # The response of a model to the measured steering, computed in the frequency domain without step size.
 

@@ -21,8 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import eigvals, expm
 
-from rover_sweep.data.recording import Array, LowPass
-from rover_sweep.spectra.windowed import Complex
+from rover_sweep.data.recording import Array, Complex, LowPass
 
 
 @dataclass(frozen=True)

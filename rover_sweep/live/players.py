@@ -31,10 +31,10 @@ from rover_sweep.logs.readers.tlog_channels import messages_of_vehicle
 from rover_sweep.logs.readers.vehicle_clock import CLOCKS, BootMessages, extent, sessions
 from rover_sweep.manoeuvre.multisine import Multisine
 from rover_sweep.manoeuvre.sweep import Doublet, Manoeuvre, configured_manoeuvre
-from rover_sweep.vehicle.events import Event, Said, Sample, StateChanged
+from rover_sweep.vehicle.events import Event, Sample, StateChanged
 from rover_sweep.vehicle.identity import has_position
 from rover_sweep.vehicle.link.mavlink import Codec, kind, message_id
-from rover_sweep.vehicle.link.statustext import TextAssembler
+from rover_sweep.vehicle.link.statustext import Said, TextAssembler
 from rover_sweep.vehicle.link.streams import StreamQuality, stream_quality
 from rover_sweep.vehicle.preflight.rates import switch_of
 from rover_sweep.vehicle.run.follow import Follower

@@ -19,7 +19,7 @@ from firmware_params.applet_parameters import PREFIX, STATES
 from rover_sweep.data.geometry import MILLI_G
 from rover_sweep.data.results import Advice
 from rover_sweep.manoeuvre.sweep import Manoeuvre, configured_manoeuvre
-from rover_sweep.session.session import SessionRun
+from rover_sweep.session.content import SessionRun
 from rover_sweep.vehicle.events import Event
 from rover_sweep.vehicle.identity import has_position
 from rover_sweep.vehicle.link.connection import Heard

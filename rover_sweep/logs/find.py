@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rover_sweep.data.recording import Kind, Mask, Note, Recording, Signal, stretches
+from rover_sweep.data.recording import Array, Kind, Mask, Note, Recording, Signal, stretches
 from rover_sweep.errors import DataRefused
 from rover_sweep.logs.applet import (
     OVERRIDE_STATES,
@@ -21,7 +21,7 @@ from rover_sweep.logs.applet import (
     starts,
     stop_reason,
 )
-from rover_sweep.logs.log import Array, Log, limits_of_steering
+from rover_sweep.logs.log import Log, limits_of_steering
 from rover_sweep.logs.readers.screening import without_dead_channels
 from rover_sweep.logs.readers.vehicle_clock import at_main_loops
 from rover_sweep.logs.wave import (

@@ -6,10 +6,10 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from rover_sweep.data.recording import Kind, Note, Recording, Signal, stretches
+from rover_sweep.data.recording import Array, Kind, Note, Recording, Signal, stretches
 from rover_sweep.errors import DataRefused
 from rover_sweep.logs.applet import WAVE_STATES, applet_runs, ends, is_old, starts
-from rover_sweep.logs.log import Array, Log
+from rover_sweep.logs.log import Log
 
 ACTIVE_US, ACTIVE_RAD = 10.0, 0.01  # us, rad: smallest deviation from straight that is steering
 CONSTANT = 0.2  # of that: noise of a receiver

@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 
 from rover_sweep.data.geometry import GRAVITY
-from rover_sweep.data.recording import Recording, Signal
+from rover_sweep.data.recording import Array, Recording, Signal
 from rover_sweep.data.vehicle_file import Vehicle, load
 from rover_sweep.errors import DataRefused, UsageError
-from rover_sweep.logs.log import Array, Log
+from rover_sweep.logs.log import Log
 from sitl.plant.plant import Plant
 from sitl.plant.variant import PlantParameters, load_variant
 from sitl.redrive.course import AppletState, Course

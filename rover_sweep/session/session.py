@@ -23,6 +23,7 @@ from rover_sweep.vehicle.events import (
     Connected,
     Event,
     Interrupted,
+    LogSaved,
     Notice,
     RunFinished,
     SessionFinished,
@@ -33,7 +34,7 @@ from rover_sweep.vehicle.link.connection import Access
 from rover_sweep.vehicle.link.link import Link
 from rover_sweep.vehicle.link.streams import IDENTIFICATION_RATES, Stream, request_all, stop
 from rover_sweep.vehicle.link.transport import Line
-from rover_sweep.vehicle.logs import LogEntry, LogSaved, MavlinkLogs
+from rover_sweep.vehicle.logs import LogEntry, MavlinkLogs
 from rover_sweep.vehicle.parameters import LAPSE, SHORT, read_parameter, read_present
 from rover_sweep.vehicle.run.controls import ARM, AUX, FORCE, SCRIPTING_1, RunSettings, pump
 from rover_sweep.vehicle.run.one_run import one_run

@@ -17,7 +17,8 @@ from firmware_params.applet_parameters import applet_path
 from firmware_params.param_files import read, shipped
 from rover_sweep.errors import LinkError, UsageError
 from rover_sweep.manoeuvre.sweep import parameters_of, refuse_undersampled
-from rover_sweep.session.session import SessionPlan, SessionRun, drive
+from rover_sweep.session.content import SessionRun
+from rover_sweep.session.session import SessionPlan, drive
 from rover_sweep.vehicle.events import Event, Interrupted, RunFinished, StateChanged, SwitchWanted
 from rover_sweep.vehicle.link.recorded_transport import RecordedLine, conversation_in
 from rover_sweep.vehicle.run.controls import RunSettings, Trigger

@@ -22,9 +22,9 @@ from typing import Any
 
 import numpy as np
 
-from rover_sweep.data.recording import Array, Recording, Signal, data_frame, drawing, stretches
+from rover_sweep.data.recording import Array, Complex, Recording, Signal, data_frame, drawing, stretches
 from rover_sweep.data.results import PlainNumbers, ShortTable, Shown, band_words
-from rover_sweep.spectra.windowed import Complex, WindowSpectra, input_spectra
+from rover_sweep.spectra.windowed import WindowSpectra, input_spectra
 
 COHERENCE_GOOD = 0.6  # guideline of Tischler & Remple 2012
 CORRELATED = 0.5  # coherence between inputs, above which T&R (chapter 9) advise to repeat the run

@@ -29,7 +29,7 @@ from rover_sweep.live.source import (
     Several,
     Source,
 )
-from rover_sweep.session.session import SessionRun
+from rover_sweep.session.content import SessionRun
 from rover_sweep.tui.drawn import DARK, LIGHT, Palette, Question, ago, moved, switch_label
 from rover_sweep.tui.jobs import Analyses, AnalysisJob, command_inputs
 from rover_sweep.tui.model.plan_rows import FIRST, SPEED, Row, with_names

@@ -11,12 +11,12 @@ from dataclasses import dataclass, replace
 from math import inf, isfinite, sqrt
 from typing import Any
 
-from rover_sweep.comparison.answer import Comparison, Correction, Difference, Kind
+from rover_sweep.comparison.answer import ABSENT, Comparison, Correction, Difference, Kind
 from rover_sweep.data.results import Quantity
 from rover_sweep.diagnosis.effects import library
 from rover_sweep.diagnosis.simulation.augmented import AugmentedModel
 from rover_sweep.report.comparison_report import value_text
-from rover_sweep.report.export.plant_variant import ABSENT, BEND_ALIKE, LINEAR_TYRES, plant_effects
+from rover_sweep.report.export.plant_variant import BEND_ALIKE, LINEAR_TYRES, plant_effects
 from sitl.plant.effects_table import PARAMETERS
 from sitl.plant.variant import PlantParameters, unit_of
 

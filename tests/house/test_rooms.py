@@ -29,7 +29,7 @@ ROOMS: dict[str, set[str]] = {
     "identification": {"data", "files", "quality", "spectra"},
     "diagnosis": {"data", "identification", "manoeuvre", "quality", "spectra"},
     "investigation": {"diagnosis"},
-    "comparison": {"data", "diagnosis", "spectra"},
+    "comparison": {"data", "diagnosis"},
     "gains": {"data", "diagnosis", "driving", "identification"},
     "season": {"comparison", "data", "diagnosis", "spectra"},
     "report": {

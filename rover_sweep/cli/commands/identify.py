@@ -14,7 +14,6 @@ from rover_sweep.cli.options import (
     BAND,
     FILE,
     FULL,
-    OUTPUTS,
     POSITIVE,
     READING,
     REPORT,
@@ -28,6 +27,7 @@ from rover_sweep.cli.options import (
     option,
     options,
 )
+from rover_sweep.data.recording import OUTPUTS
 from rover_sweep.data.vehicle_file import MODELS
 from rover_sweep.errors import DataRefused, UsageError
 

@@ -70,9 +70,8 @@ def push(
     reboot is pending, else 1.
     """
     from rover_sweep.cli.views.display import PlainDisplay
-    from rover_sweep.vehicle.events import ParameterSet
     from rover_sweep.vehicle.logs import parameter_source
-    from rover_sweep.vehicle.parameters import wanted_of
+    from rover_sweep.vehicle.parameters import ParameterSet, wanted_of
     from rover_sweep.vehicle.setup import awaiting_reboot
     from rover_sweep.vehicle.setup import push as bring
 

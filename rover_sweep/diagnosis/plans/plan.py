@@ -13,6 +13,7 @@ from math import sqrt
 import numpy as np
 
 from rover_sweep.data.geometry import Geometry, Tolerances
+from rover_sweep.data.results import Progress
 from rover_sweep.diagnosis.plans.expected_posterior import NONE, OTHER, Assumed, Expected, RunSet, expected
 from rover_sweep.diagnosis.plans.planner import (
     DetectableSize,
@@ -20,7 +21,6 @@ from rover_sweep.diagnosis.plans.planner import (
     Plan,
     PlannedRun,
     Planner,
-    Progress,
     allowed,
     candidates,
     run_text,

@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 from scipy.signal import butter, filtfilt
 
-from rover_sweep.logs.log import Array, increasing
+from rover_sweep.data.recording import Array
+from rover_sweep.logs.log import increasing
 from rover_sweep.logs.readers.column_map import FACTORS, heading_of, slope
 from rover_sweep.logs.readers.column_names import is_degrees, name_weight, says_anything, unit_in, words_of
 from rover_sweep.logs.readers.tables import FEWEST_ROWS, RecordedTable, TableStream, times_in

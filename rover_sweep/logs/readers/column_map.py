@@ -46,9 +46,9 @@ from typing import Any
 import numpy as np
 
 from rover_sweep.data.geometry import STANDARD_GRAVITY
+from rover_sweep.data.recording import Array
 from rover_sweep.errors import UsageError
 from rover_sweep.files.documents import read_toml
-from rover_sweep.logs.log import Array
 
 UNITS = {
     "pwm": "us",

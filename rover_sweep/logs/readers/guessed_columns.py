@@ -16,9 +16,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rover_sweep.data.recording import Array
 from rover_sweep.data.results import NORMAL_90
 from rover_sweep.errors import DataRefused, UsageError
-from rover_sweep.logs.log import Array, disorder
+from rover_sweep.logs.log import disorder
 from rover_sweep.logs.readers.column_grid import (
     GRID_HZ,
     ColumnGrid,

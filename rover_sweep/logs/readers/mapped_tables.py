@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rover_sweep.data.recording import LowPass, Note, Signal
+from rover_sweep.data.recording import Array, LowPass, Note, Signal
 from rover_sweep.errors import DataRefused
-from rover_sweep.logs.log import Array, Log, increasing, refuse_disorder
+from rover_sweep.logs.log import Log, increasing, refuse_disorder
 from rover_sweep.logs.readers.column_map import (
     PATHS,
     UNITS,

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rover_sweep.logs.log import Array
+from rover_sweep.data.recording import Array
 from rover_sweep.logs.readers.column_grid import EVERY, GRID_HZ, ColumnGrid, means, relation
 from rover_sweep.logs.readers.column_map import DEGREE, FACTORS, course_rate
 from rover_sweep.logs.readers.column_names import (

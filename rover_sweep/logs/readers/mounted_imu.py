@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from rover_sweep.logs.log import Array
+from rover_sweep.data.recording import Array
 from rover_sweep.logs.readers.column_grid import EVERY, ColumnGrid, relation
 from rover_sweep.logs.readers.column_names import name_weight, without_unit, words_of
 

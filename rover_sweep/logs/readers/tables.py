@@ -18,9 +18,9 @@ from typing import Any
 
 import numpy as np
 
-from rover_sweep.data.recording import Note
+from rover_sweep.data.recording import Array, Note
 from rover_sweep.errors import DataRefused, missing_extra
-from rover_sweep.logs.log import Array, source_of
+from rover_sweep.logs.log import source_of
 
 FEWEST_ROWS = 20  # of a topic or a vector; shorter ones are settings
 WIDEST = 32  # columns of a matrix or array; wider ones are maps and pictures

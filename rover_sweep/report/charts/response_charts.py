@@ -8,14 +8,14 @@ from types import MappingProxyType
 
 import numpy as np
 
-from rover_sweep.data.recording import Array, Recording, ThrottleRun
+from rover_sweep.data.recording import Array, Complex, Recording, ThrottleRun
 from rover_sweep.gains.speed_chain import BEFORE as STEP_AT
 from rover_sweep.gains.speed_chain import driven_step
 from rover_sweep.gains.speed_proposal import SpeedProposal
 from rover_sweep.identification.fit import costs
 from rover_sweep.identification.grouping import Group
 from rover_sweep.identification.identify_speed import GOOD, ThrottleCoherence
-from rover_sweep.identification.pipeline import ModelResult
+from rover_sweep.identification.model_results import ModelResult
 from rover_sweep.identification.speed_fit import PERIOD, SpeedFit, fitted_speed
 from rover_sweep.identification.verify import Verification
 from rover_sweep.report.charts.chart import (
@@ -43,7 +43,6 @@ from rover_sweep.spectra.response import (
     nearest_turn,
     unwrapped_phase,
 )
-from rover_sweep.spectra.windowed import Complex
 
 Models = Mapping[str, ModelResult]
 _NONE: Models = MappingProxyType({})

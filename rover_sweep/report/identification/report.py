@@ -16,10 +16,10 @@ from rover_sweep.data.results import Progress, number
 from rover_sweep.files.documents import remove_file, write_file
 from rover_sweep.identification.grouping import Group
 from rover_sweep.identification.handling import has_handling
+from rover_sweep.identification.model_results import ModelResult
 from rover_sweep.identification.pipeline import (
     TITLES,
     Identification,
-    ModelResult,
     identified_runs,
     judged_runs,
     ordered,

@@ -9,10 +9,10 @@ import numpy as np
 from rover_sweep.data.recording import OUTPUTS
 from rover_sweep.data.results import ends_words, number
 from rover_sweep.identification.fit import Estimate, FitResult
+from rover_sweep.identification.model_results import ModelResult
 from rover_sweep.identification.pipeline import (
     TITLES,
     Identification,
-    ModelResult,
     inertia_of,
     judged_runs,
     ordered,

@@ -10,9 +10,10 @@ from dataclasses import dataclass, field
 
 from firmware_params.applet_parameters import STATES
 from rover_sweep.data.geometry import MILLI_G
-from rover_sweep.vehicle.events import Event, Said, Sample, StateChanged
+from rover_sweep.vehicle.events import Event, Sample, StateChanged
 from rover_sweep.vehicle.link.connection import VehicleClock
 from rover_sweep.vehicle.link.mavlink import Message, kind
+from rover_sweep.vehicle.link.statustext import Said
 
 _SAMPLE_EVERY = 0.1  # s of the vehicle's clock between two `Sample`s
 _REFUSED = "SWP: refused: "
