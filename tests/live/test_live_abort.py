@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +12,10 @@ import pytest
 from asked_source import PLAN, SETTINGS, Asked
 from counted_proxy import CountedProxy
 
-from rover_sweep.live.source import DriveRequest, Ended, Judged, Lost, Play, Snapshot
+from rover_sweep.errors import LinkError, UsageError
+from rover_sweep.live import vehicle_source
+from rover_sweep.live.source import DriveRequest, Ended, FetchLogs, Judged, Lost, Play, Snapshot, Update
+from rover_sweep.live.vehicle_source import VehicleSource
 from rover_sweep.logs.readers.tlog import open_tlog
 from rover_sweep.manoeuvre.sweep import Sweep
 from rover_sweep.session.folder import read_folder
@@ -29,7 +32,7 @@ TRIM = 1500
 
 @pytest.fixture
 def rover(tmp_path: Path) -> Iterator[launcher.Running]:
-    with launcher.start_embedded(tmp_path / "vehicle", options=READY, speedup=6) as running:
+    with launcher.start_embedded(tmp_path / "vehicle", options=READY, speedup=4) as running:
         yield running
 
 
@@ -130,7 +133,8 @@ def test_a_lost_link_is_found_again_and_the_rover_let_go(rover: launcher.Running
         asked.connect(proxy.url)
         in_mid_sweep(asked, FAST, SETTINGS)
         proxy.cut()
-        assert "ended" in asked.wait(Ended, seconds=60.0).failure
+        failure = asked.wait(Ended, seconds=60.0).failure
+        assert "ended" in failure or "cannot send" in failure
         assert asked.wait(Lost).reason
         (run,) = read_folder(tmp_path / "s").runs
         assert (run.state, run.left_armed) == ("cut", True)
@@ -140,3 +144,100 @@ def test_a_lost_link_is_found_again_and_the_rover_let_go(rover: launcher.Running
         asked.wait(Snapshot, lambda snapshot: not snapshot.armed)
         assert [run.name for run in asked.source.session.to_drive] == ["sweep1"]
         assert (tmp_path / "s" / "sweep1.tlog").stat().st_size > 10_000
+
+
+# ---- The search for a vehicle that was lost: an abort does not end it, what trying cannot mend does.
+
+
+def lost(folder: Path) -> VehicleSource:
+    """It looks for its vehicle."""
+    source = VehicleSource(folder / "session")
+    source._url, source._lost = "tcp:127.0.0.1:1", True
+    return source
+
+
+def test_the_search_goes_on_after_an_abort(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    source = lost(tmp_path)
+    tried, again = list[str](), threading.Event()
+
+    def opened(url: str, *rest: object) -> None:
+        tried.append(url)
+        if len(tried) == 1:
+            source.abort()
+            source._tick()  # as whoever waits on the link does; the abort ends that
+        again.set()
+        raise LinkError("nobody answers")
+
+    monkeypatch.setattr(vehicle_source.Link, "open", opened)
+    source.start(lambda told: None)
+    try:
+        assert again.wait(5.0), "nobody looks for the vehicle any more"
+        assert set(tried) == {"tcp:127.0.0.1:1"}
+    finally:
+        source.close()
+
+
+class Found:
+    """A link to a rover that still drives."""
+
+    armed = True
+    target = (1, 1)
+
+    def hear(self, listener: Callable[[object], None]) -> None:
+        """Nothing is heard."""
+
+    def receive(self, timeout: float) -> None:
+        time.sleep(timeout)
+
+    def close(self) -> None:
+        """Nothing to close."""
+
+
+def test_an_abort_while_the_found_one_is_greeted_stops_it_and_greets_it_again(tmp_path, monkeypatch):
+    source = lost(tmp_path)
+    links, done, greeted = list[object](), list[tuple[str, object]](), threading.Event()
+    refused = list[str]()
+
+    def opened(*rest: object) -> Found:
+        links.append(Found())
+        return links[-1]
+
+    def greet(work: object, link: object) -> Iterator[Update]:
+        done.append(("greeted", link))
+        if len(links) == 1:
+            source.abort()
+            source.ask(FetchLogs())  # no vehicle is there for it before it was greeted
+            source._tick()
+        greeted.set()
+        yield from ()
+
+    def stop_and_disarm(link: object, disarm: bool) -> Iterator[Update]:
+        done.append(("stopped", link))
+        yield from ()
+
+    monkeypatch.setattr(vehicle_source.Link, "open", opened)
+    monkeypatch.setattr(vehicle_source.VehicleWork, "greet", greet)
+    monkeypatch.setattr(vehicle_source, "stop_and_disarm", stop_and_disarm)
+    source.start(lambda told: refused.append(told.failure) if isinstance(told, Ended) else None)
+    try:
+        assert greeted.wait(5.0), "the vehicle was found and never greeted"
+        assert done == [("greeted", links[0]), ("stopped", links[0]), ("greeted", links[1])]
+        assert refused == ["no vehicle is connected"]
+    finally:
+        source.close()
+
+
+def test_a_full_disk_ends_the_search_and_is_told_once(tmp_path, monkeypatch):
+    source = lost(tmp_path)
+    warned = list[str]()
+
+    def opened(*rest: object) -> None:
+        raise UsageError("the disk is full")
+
+    monkeypatch.setattr(vehicle_source.Link, "open", opened)
+    source.start(lambda told: warned.append(told.text) if isinstance(told, Notice) else None)
+    try:
+        time.sleep(0.5)  # ten turns
+        assert warned == ["the disk is full"]
+    finally:
+        source.close()
