@@ -15,6 +15,7 @@ from rover_sweep.data.results import ShortTable
 from rover_sweep.data.vehicle_file import load
 from rover_sweep.data.vehicle_geometry import geometry_of
 from rover_sweep.driving.answer import DrivingAnswer, answer_from
+from rover_sweep.driving.consistency import with_one_clock, with_slope
 from rover_sweep.errors import DataRefused, UsageError
 from rover_sweep.logs.log import Log
 from rover_sweep.logs.read import READ, read_logs, usable_log
@@ -88,7 +89,8 @@ def identify_driving(
         raise UsageError(f"the wheelbase is {wheelbase!r}; give metres, {low:g} to {high:g}")
     names = [fspath(source) for source in sources]
     rover = None if vehicle is None else geometry_of(load(vehicle))
-    logs = _logs(names, columns, system)
+    logs = tuple(with_slope(log) if _is_foreign(log) else log for log in _logs(names, columns, system))
+    logs = with_one_clock(logs) if all(map(_is_foreign, logs)) else logs
     found = answer_from(logs, wheelbase, rover)
     return DrivingIdentification(
         **{f.name: getattr(found, f.name) for f in fields(found)},

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.ndimage import uniform_filter1d
 
 from rover_sweep.data.recording import Array, LowPass, Mask, Signal, stretches
 from rover_sweep.logs.find import still_intervals
@@ -18,6 +19,7 @@ SHORTEST = 4.0  # s of driving without an interruption
 HOLE = 0.5  # s between samples of one channel; the driving is cut there
 FASTEST_TURN = 6.0  # m/s^2 of V r: beyond it, tyres slide; up to it, the bend of the law follows them
 LONGEST_SAME = 1.0  # s, of one value of a yaw rate that works
+LEAST_TURN, SPINNING = 1.0, 0.75  # m/s^2 of V r, and share of it in a_y, below which the wheels spin
 FULL = "of full steering"  # unit of a steering in -1 to 1, which is no angle
 STAIRCASE_HZ = 30.0  # a slower record of the steering is samples of something finer and is interpolated
 
@@ -111,7 +113,8 @@ def _of_log(log: Log) -> tuple[list[DrivenPart], dict[str, float], Array]:
         whole &= ~_in_holes(signal, t)
     still, sliding = np.abs(v) < SLOWEST, np.abs(v * r) > FASTEST_TURN
     dead = _dead(yaw, t, steering.on(t))
-    usable = whole & ~still & ~_near(sliding, 0.5) & ~dead
+    spinning = _spinning(log, t, v, r)
+    usable = whole & ~still & ~_near(sliding | spinning, 0.5) & ~dead
     parts = [(a, b) for a, b in stretches(usable) if (b - a) / RATE >= SHORTEST]
     used = np.zeros(t.size, bool)
     for a, b in parts:
@@ -120,6 +123,7 @@ def _of_log(log: Log) -> tuple[list[DrivenPart], dict[str, float], Array]:
         f"slower than {SLOWEST:g} m/s": still & whole,
         "holes in the record": ~whole,
         f"turns beyond {FASTEST_TURN:g} m/s²": sliding & whole & ~still,
+        "the wheels spin, as the speed is far above a_y/r": spinning & whole & ~still & ~sliding,
         "the yaw rate stayed at one value": dead & whole & ~still,
     }
     reasons[f"pieces shorter than {SHORTEST:g} s"] = ~used & ~np.any(list(reasons.values()), axis=0)
@@ -160,6 +164,23 @@ def _dead(yaw: Signal, t: Array, steering: Array) -> Mask:
         if yaw.t[b + 1] - yaw.t[a] >= LONGEST_SAME and inside.any() and np.ptp(steering[inside]) > moves:
             found |= inside
     return found
+
+
+def _spinning(log: Log, t: Array, v: Array, r: Array) -> Mask:
+    """Times (n,) in which a_y/r is far below the speed, against what it usually is in this log."""
+    none: Mask = np.zeros(t.size, bool)
+    if "ay" not in log.signals or t.size < 2 * RATE:
+        return none
+    ay, vr = (uniform_filter1d(x, round(0.5 * RATE)) for x in (log.signals["ay"].on(t), v * r))
+    turns = np.abs(vr) > LEAST_TURN
+    if turns.sum() < 4 * RATE or turns.all():
+        return none
+    ay = ay - np.median(ay[~turns])
+    usual = float(np.median(ay[turns] / vr[turns]))  # body roll adds to it
+    error = np.abs(ay - usual * vr)
+    clear = error > 6 * np.median(error[turns])
+    known = 0.5 < usual < 1.5  # else it is another a_y
+    return turns & clear & (ay * np.sign(vr) < SPINNING * usual * np.abs(vr)) if known else none
 
 
 def _near(mask: Mask, seconds: float) -> Mask:

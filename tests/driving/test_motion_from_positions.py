@@ -1,5 +1,6 @@
 """Motion that no sensor gives directly: of GPS, of a phone in any orientation, of revolutions, in reverse."""
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -8,6 +9,7 @@ from scipy.signal import lfilter
 
 import rover_sweep as rs
 from rover_sweep.data.recording import Array
+from rover_sweep.driving.consistency import with_slope
 from rover_sweep.errors import DataRefused
 from rover_sweep.logs.read import read_logs
 from rover_sweep.logs.readers.guessed_columns import ColumnGuess, guess_columns
@@ -17,7 +19,7 @@ WHEELBASE, FINE = 0.33, 200
 LAT, LON, DEGREE = 48.1, 11.5, 111_319.5
 
 
-def driven(hz: float = 50.0, way: float = 1.0, seconds: float = 90.0) -> dict[str, Array]:
+def driven(hz: float = 50.0, way: float = 1.0, seconds: float = 60.0) -> dict[str, Array]:
     """A car without slip: steering [rad] about a trim, speed (below 0 in reverse), yaw rate, position."""
     rng = np.random.default_rng(7)
     t = np.arange(0, seconds, 1 / FINE)
@@ -161,3 +163,56 @@ def test_stamps_that_run_backwards_are_one_message(tmp_path: Path) -> None:
         DataRefused, match=r"times of column t.*first in row 2002, from 40.00 to 0.02 s.*split"
     ):
         rs.identify_driving(path)
+
+
+def trials(path: Path, early: dict[int, float], noise: tuple[int, ...] = ()) -> Path:
+    """Four trials of 15 s, some of whose steering is early [s] or of another drive."""
+    d = driven()
+    number = np.minimum(d["t"] // 15, 3)
+    delta, rng = d["delta"].copy(), np.random.default_rng(5)
+    for k, seconds in early.items():
+        delta[number == k] = np.interp(d["t"][number == k] + seconds, d["t"], d["delta"])
+    for k in noise:
+        delta[number == k] = rng.permutation(delta[number == k])
+    return written(path, t=d["t"], trial=number, steering=delta, gz=d["r"], speed=d["v"])
+
+
+def test_a_run_whose_steering_has_another_clock_is_moved(tmp_path: Path) -> None:
+    right = rs.identify_driving(trials(tmp_path / "right.csv", {}))
+    moved = rs.identify_driving(trials(tmp_path / "early.csv", {2: 0.9}))
+    assert re.search(r"early 2: its steering is 0.(88|9|92) s early against the other runs", str(moved))
+    assert "against the other runs" not in str(right)
+    for name, error in (("wheelbase_seen", 0.01), ("response_time", 0.04)):
+        assert moved.numbers[name].value == pytest.approx(right.numbers[name].value, abs=error), name
+
+
+def test_a_run_of_another_drive_is_left_out(tmp_path: Path) -> None:
+    answer = rs.identify_driving(trials(tmp_path / "other.csv", {}, noise=(1,)))
+    assert "other 1 was left out: the yaw rate follows its steering at no delay" in str(answer)
+    assert answer.numbers["wheelbase_seen"].value == pytest.approx(WHEELBASE, rel=0.03)
+
+
+def test_wheels_that_spin_are_left_out(tmp_path: Path) -> None:
+    d = driven()
+    spin = ((d["t"] % 15 > 5) & (d["t"] % 15 < 7) & (np.abs(d["ay"]) > 1.0)).astype(float)
+    path = written(
+        tmp_path / "spin.csv",
+        t=d["t"],
+        steering=d["delta"],
+        gz=d["r"],
+        ay=d["ay"],
+        speed=d["v"] * (1 + 0.8 * spin),
+    )
+    answer = rs.identify_driving(path)
+    out = answer.driving.left_out["the wheels spin, as the speed is far above a_y/r"]
+    assert 0.3 * spin.sum() / 50 < out < 2 * spin.sum() / 50
+    assert answer.numbers["wheelbase_seen"].value == pytest.approx(WHEELBASE, rel=0.04)
+
+
+def test_ground_that_slopes_is_said(tmp_path: Path) -> None:
+    d = driven()
+    given = {"t": d["t"], "steering": d["delta"], "gz": d["r"], "speed": d["v"], "yaw": d["psi"]}
+    sloping = d["ay"] + 9.81 * np.sin(np.radians(4)) * np.sin(d["psi"])
+    for ay, said in ((sloping, True), (d["ay"], False)):
+        (log,) = read_logs(str(written(tmp_path / "bank.csv", **given, ay=ay)))
+        assert any("ground that slopes by 4." in note.text for note in with_slope(log).notes) == said
