@@ -26,6 +26,7 @@ MAPS = Path(__file__).parents[1] / "data/cars"
 
 CHANNELS = {"time": "t", "delta": "delta", "r": "r", "speed": "v", "runs": "whole"}
 STEP = 0.02  # s
+HOLE, SLIDING = 0.3, 6.0  # s, and m/s^2
 
 
 @dataclass(frozen=True)
@@ -98,19 +99,27 @@ CARS = (
 
 
 def other_fit(d: pd.DataFrame, column: str) -> tuple[float, float]:
-    """(gain [1/m per unit], delay and lag together [s]) of the least squares over a grid of both."""
+    """(gain [1/m per unit], delay and lag together [s]) of the least squares over a grid of both.
+
+    The squares are those of the curvature r/V: the speeds then count by the steering's square, as in the
+    speed for which the tool says its response time. Those of r would count fast turns by V^2 more.
+    """
     t = np.arange(d.t.iloc[0], d.t.iloc[-1], STEP)
     r, v = np.interp(t, d.t, d.r), np.interp(t, d.t, d.v)
-    use = (np.abs(v) > 0.3) & (np.abs(v * r) < 4.0)
+    hole = np.diff(d.t)[np.clip(np.searchsorted(d.t, t), 1, len(d) - 1) - 1] > HOLE
+    # with a second around them: single samples would take the peaks from the turns, and shift them
+    bad = np.convolve(hole | (np.abs(v * r) > SLIDING), np.ones(round(2 / STEP) + 1), "same") > 0.5
+    use = (np.abs(v) > 0.3) & ~bad
+    weight = 1 / np.abs(v[use])
     best = (np.inf, 0.0, 0.0)
     for delay in np.arange(0, 0.4, STEP):
         u = np.interp(t - delay, d.t, d[column])
-        for lag in (0.001, 0.02, 0.04, 0.06, 0.09, 0.13, 0.18, 0.25, 0.35):
+        for lag in (0.001, 0.01, *np.arange(0.02, 0.12, 0.015), 0.13, 0.155, 0.18, 0.21, 0.25, 0.3, 0.35):
             share = np.exp(-STEP / lag)
             x = [lfilter([1 - share], [1, -share], each)[use] for each in (v * u, v)]
-            a = np.column_stack((*x, np.ones(int(use.sum()))))
-            weights = np.linalg.lstsq(a, r[use], rcond=None)[0]
-            error = float(np.var(r[use] - a @ weights))
+            a = np.column_stack((*x, np.ones(int(use.sum())))) * weight[:, None]
+            weights = np.linalg.lstsq(a, r[use] * weight, rcond=None)[0]
+            error = float(np.var(r[use] * weight - a @ weights))
             best = min(best, (error, float(weights[0]), float(delay + lag)))
     return best[1], best[2]
 
