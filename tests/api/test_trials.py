@@ -199,3 +199,33 @@ def test_runs_of_one_kind_are_all_used_but_doublets_alone_need_a_sweep() -> None
     runs = [recording("bent", "bias_sweep"), recording("a", "sweep"), recording("d", "doublet")]
     given = material(runs, ())  # a diagnosis drives every run by itself and keeps them all
     assert (names(given.runs), names(given.held_out)) == (["bent", "a"], ["d"])
+
+
+def test_a_car_slower_than_a_walk_drives(rover: Path, tmp_path: Path) -> None:
+    source = Recorder(noise=0.005).write(tmp_path / "trials.csv", SmallCar(), STEPS, 3.0, speed=0.28)
+    runs = rs.read(source, columns=ONLY_R, vehicle=rover)
+    assert len(runs) == len(STEPS)
+    fitted = rs.identify(runs, bootstrap=0).models["kinematic"].fit
+    assert fitted["L_eff"].value == pytest.approx(0.32, rel=0.1)
+
+
+@pytest.mark.slow
+def test_nothing_is_named_in_smoothed_short_trials(rover: Path, tmp_path: Path) -> None:
+    laws = [by_hand(seed) for seed in range(12)]
+    recorder = Recorder(rate=20, smooth=51)
+    source = recorder.write(tmp_path / "trials.csv", SmallCar(delay=0.03), laws, 3.5)
+    fitted = rs.read(source, columns=ONLY_R, vehicle=rover, without=f"{source}:12")
+    held = rs.read(f"{source}:12", columns=ONLY_R, vehicle=rover)
+    only = ("servo_lag", "servo_rate_limit", "steering_backlash", "tyre_saturation")
+    found = rs.diagnose(fitted, held, baseline="bicycle", only=only)
+    assert found.verdict == "none" and not found.findings
+    assert any(
+        "r was smoothed or resampled: its spectrum collapses above" in remark for remark in found.remarks
+    )
+    for stiffness in (found.parameters["Cf"], found.parameters["Cr"]):
+        assert stiffness.low is not None and stiffness.high is not None
+        assert stiffness.low < 45.0 < stiffness.high
+    slow = SmallCar(delay=0.03, lag=0.2)
+    source = recorder.write(tmp_path / "slow.csv", slow, laws, 3.5)
+    found = rs.diagnose(rs.read(source, columns=ONLY_R, vehicle=rover), baseline="bicycle", only=only)
+    assert [f.effect for f in found.findings] == ["servo_lag"]

@@ -204,3 +204,13 @@ def test_a_log_without_the_controller_says_how_to_log_it(
     assert run(["gains", "--check", str(DATA / "ardurover-4.6.3" / "nominal" / name)]) == 3
     said = capsys.readouterr().err
     assert words in said and "ACRO or AUTO" in said and said.count("\n") == 1
+
+
+def test_without_parameters_the_gains_come_from_the_terms(proposal: Proposal, tuned: Gains):
+    """As in a .tlog that was begun after the parameters were read."""
+    log = driven(proposal, replace(tuned, ff=tuned.ff / 2))
+    check = check_steering(replace(log, parameters={}))
+    assert found(check) == [("FF too low", "ATC_STR_RAT_FF")]
+    assert check.autopilot.gains.ff == pytest.approx(tuned.ff / 2, rel=0.01)
+    said = [part.text for part in check_report(((), ()), ([check], ())).answer]
+    assert any("Assumed at the firmware's defaults" in text for text in said)

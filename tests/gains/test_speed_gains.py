@@ -27,6 +27,7 @@ from rover_sweep.gains.speed_chain import (
     margins_of,
     simulate_speed,
     speed_loop,
+    step_of_speed,
 )
 from rover_sweep.gains.speed_proposal import propose_speed
 from rover_sweep.report.gains_report import gains_report
@@ -302,3 +303,10 @@ def test_unknown_amplitude_leaves_the_lateral_limit_out(proposal: Proposal) -> N
 
 def test_no_gains_no_limits(proposal: Proposal) -> None:
     assert steering_limits(replace(proposal, proposed=None)) is None
+
+
+def test_slew_rate_is_simulated() -> None:
+    settings = SpeedSettings(2.0, 50.0, 1.0, 0.5, 0.0, 0.0)
+    fast = step_of_speed(loop_with(MOT_SLEWRATE=0), PLANT, settings, 1.5, 1.0)
+    slow = step_of_speed(loop_with(MOT_SLEWRATE=20), PLANT, settings, 1.5, 1.0)
+    assert slow.rise > 1.3 * fast.rise

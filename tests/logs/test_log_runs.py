@@ -206,3 +206,29 @@ def test_found_with_its_times_and_limits_and_is_no_steering_run() -> None:
         read_runs(str(THROTTLE))
     (steered,) = read_logs(str(STEERED))
     assert throttle_runs(steered) == ()
+
+
+def test_moving_by_hand_is_no_standstill() -> None:
+    t = np.arange(0, 60, 0.02)
+    log = log_of(t, np.full(t.size, 1500.0), np.where(t > 30, 2.0, 0.0))
+    carried = replace(
+        log, signals={**log.signals, "r": signal(t, 0.5 * np.sin(3 * t) * ((t < 20) | (t > 35)), "rad/s")}
+    )
+    (run,) = find_runs(
+        replace(
+            carried,
+            steering=(signal(t, np.where(t > 35, 1500 + 50 * np.sin(t), 1500.0).astype(float), "us"),),
+        )
+    )
+    assert all(a >= 19.9 for a, _ in run.standstill) and run.standstill
+
+
+def test_the_old_applets_clock_restarts_with_each_run() -> None:
+    log, (one, two) = drive([SWEEP, SWEEP])
+    t = log.steering[0].t
+    inside = [(s + 3, s + 39) for s in (one, two)]
+    part = [t[(t >= a) & (t < b)] for a, b in inside]
+    clock = np.concatenate([p - p[0] for p in part])
+    both = np.concatenate(part)
+    rows = AppletRows(both, np.ones(both.size), np.full(both.size, 2.0), clock)
+    assert [r.kind for r in find_runs(replace(log, applet=rows))] == ["sweep", "sweep"]

@@ -10,7 +10,7 @@ import pytest
 from link_faults import records
 from pymavlink.dialects.v20 import ardupilotmega as m
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
-from recordings import APPLET, DEFAULTS
+from recordings import APPLET, DEFAULTS, foreign
 
 from rover_sweep.data.recording import Recording
 from rover_sweep.errors import DataRefused
@@ -95,6 +95,24 @@ def test_channels_are_iso_si_and_on_the_vehicle_clock(tmp_path: Path, version: i
     np.testing.assert_allclose(log.signals["vy"].x, 0.3, atol=1e-5)  # left motion is positive
     np.testing.assert_allclose(log.steering[0].x, 1500 + np.round(100 * wave))
     assert log.signals["throttle"].x[0] == 1700
+
+
+def test_left_motion_is_positive(tmp_path: Path) -> None:
+    telemetry = Telemetry()
+    telemetry.add(mavlink.MAVLink_heartbeat_message(10, 3, 193, 0, 4, 3))
+    for ms in (1000, 1050, 1100):  # heading north, moving north and west
+        telemetry.add(mavlink.MAVLink_attitude_message(ms, 0, 0, 0, 0, 0, 0))
+        telemetry.add(mavlink.MAVLink_local_position_ned_message(ms, 0, 0, 0, 2.0, -0.3, 0))
+    (log,) = read_telemetry(saved(tmp_path, telemetry.data))
+    np.testing.assert_allclose(log.signals["speed"].x, 2.0, rtol=1e-6)
+    np.testing.assert_allclose(log.signals["vy"].x, 0.3, rtol=1e-6)
+
+
+def test_ground_station_and_companion_do_not_mix_in() -> None:
+    path = Path(foreign("rover_logs/still_v4.5.5.tlog"))
+    (log,) = read_telemetry(path)
+    assert log.vehicle == "rover"
+    assert log.firmware.startswith("ArduRover V4.5.5")
 
 
 def test_damage_is_skipped_or_refused(tmp_path: Path) -> None:

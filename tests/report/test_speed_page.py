@@ -83,3 +83,14 @@ def test_steering_runs_in_the_same_folder_add_their_limits(
     html = (tmp_path / "speed.html").read_text()
     assert ">ATC_STR_RAT_MAX<" in html and ">ATC_TURN_MAX_G<" in html
     assert 'href="report.html"' in html and 'href="speed.html"' in (tmp_path / "report.html").read_text()
+
+
+def test_without_a_law_the_page_says_why(speed: SpeedIdentification, tmp_path: Path) -> None:
+    from dataclasses import replace
+
+    none = replace(speed, level="none", reasons=("no excitation",), fit=None, coherence=None, coasting=None)
+    html = none.report(tmp_path).page.read_text()
+    assert "was not identified" in html and "No excitation." in html
+    assert len(charts(html)) == 1 and not none.parameters
+    with pytest.raises(rs.UsageError, match="no excitation"):
+        none.to_frame()
