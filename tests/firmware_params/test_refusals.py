@@ -156,6 +156,12 @@ def test_either_way_to_read_the_output_will_do(removed: str) -> None:
     assert bench.texts[-1] == "SWP: run 1 done" and max(row["Out"] for row in bench.log) == 1650
 
 
+def test_neither_way_to_read_the_output_is_refused() -> None:
+    bench = moving()
+    Drive(bench, removed=("SRV_Channels:get_output_pwm_chan", "SRV_Channels:get_output_pwm"))
+    assert bench.texts == ["SWP: no SRV_Channels:get_output_pwm"]
+
+
 def test_roll_is_read_by_its_new_name_where_there_is_one() -> None:
     """4.7 and later refuse to arm after a single call of ahrs:get_roll."""
     newer = "ahrs.get_roll_rad, ahrs.get_roll = ahrs.get_roll, function() error('deprecated') end\n"
