@@ -15,7 +15,8 @@ SHARING = ("tests/api", "tests/gains", "tests/report", "tests/study")
 LONG = (  # a minute of one core or more
     "tests/tui/test_tui_on_rover",
     "tests/virtual/test_virtual_matrix",
-    "tests/diagnosis/test_plan_of_runs",
+    "tests/diagnosis/test_diagnosed_recordings",
+    "tests/diagnosis/test_healthy_rovers",
     "tests/comparison",
     "tests/engines",
     "tests/house",

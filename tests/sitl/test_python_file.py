@@ -265,3 +265,22 @@ def test_the_fmu_is_valid_and_describes_its_variables(built: dict[str, Path]) ->
     assert description.coSimulation.modelIdentifier == "rover_effects"
     assert {v.name: v.start for v in description.modelVariables}["steering_us"] == "1500"
     assert all(v.description for v in description.modelVariables)
+
+
+def test_the_fmu_needs_neither_this_project_nor_numpy(built: dict[str, Path], tmp_path: Path) -> None:
+    folder = Path(fmpy.extract(str(built["effects"]), str(tmp_path))) / "resources"
+    slave = (folder / "slavemodule.txt").read_text()
+    code = f"""
+import sys
+for name in ("sitl", "rover_sweep", "numpy"):
+    sys.modules[name] = None
+sys.path.insert(0, {str(folder)!r})
+import {slave} as slave
+twin = slave.RoverTwin(instance_name="one")
+twin.steering_us, twin.throttle_us = 1600.0, 1700.0
+assert all(twin.do_step(0.01 * k, 0.01) for k in range(100))
+assert twin.get_real([3])[0] < -0.1, twin.get_real([3])
+assert not twin.do_step(1.0, float("nan"))
+"""
+    done = subprocess.run([sys.executable, "-I", "-c", code], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr

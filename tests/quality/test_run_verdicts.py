@@ -1,4 +1,4 @@
-"""Runs too short for their noise have a fault of their own; whole ones and pieces that add up have none."""
+"""Verdicts on runs: too short, the same in every command, at the stops, with another clock."""
 
 from __future__ import annotations
 
