@@ -223,7 +223,7 @@ class WheelSource:
 
 @dataclass(frozen=True)
 class BenchPlan:
-    """The plan of a bench; unasked: move without asking, which only a simulated rover allows."""
+    """The plan of a bench; unasked: move without confirmation, which only a simulated rover allows."""
 
     movements: tuple[Movement, ...]
     wheel: WheelSource | None = None

@@ -137,7 +137,7 @@ def moment_of_inertia(test: SwingTest) -> Inertia:
 
 
 def rounded(number: Measured) -> Measured:
-    """The number to the second digit of its sd, as it is written down."""
+    """The number to the second digit of its standard deviation."""
     if not number.sd:
         return number
     digits = 1 - math.floor(math.log10(number.sd))
@@ -147,7 +147,7 @@ def rounded(number: Measured) -> Measured:
 def remarks(
     test: SwingTest, result: Inertia, check: GravityCheck | None, swing: Measured | None
 ) -> list[str]:
-    """What a careful experimenter would say of this test; `swing` is the period of the check."""
+    """Warnings and advice on this test. swing: period of the check swing, to and fro."""
     said = []
     if check is None:
         said.append(

@@ -68,10 +68,10 @@ def argument(metavar: str | None = None, **settings: Any) -> Any:
 
 
 def gathered(make: Callable[..., Any], **instead: Any) -> Any:
-    """A value made of several options, which are the defaults of the parameters of `make` (a dataclass).
+    """Calls `make` (a dataclass) with options; the default of each of its parameters declares its option.
 
-    A parameter without a default gets the option of that name which the command has besides. instead: other
-    options for some parameters, or values, for which there is then no option.
+    A parameter without a default takes the command's own option of that name. instead: replaces the option of
+    a parameter, by another or by a fixed value.
     """
     return _Together(make, instead)
 

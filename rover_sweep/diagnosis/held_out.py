@@ -91,7 +91,7 @@ def worse_by(before: Array, after: Array) -> float:
 
 
 def fit_of(held: HeldOutRun, m: FittedModel) -> Fit:
-    """J_rms and TIC, equations (15) and (16) of the paper, without the outputs' biases; J of a sweep."""
+    """J_rms and TIC (paper, equations 15 and 16) after removing mean errors; for sweeps also J."""
     run, log, data = held.run, m.log(held.run), centred(held.run)
     channels = [
         Channel(c, unit, run.t, factor * data[c], factor * (log[c] + np.mean(data[c] - log[c])))

@@ -277,8 +277,8 @@ def refuted_words(refuted: tuple[str, float]) -> str:
     """A sentence on (an effect that held-out runs refute, its probability in the other runs)."""
     effect, sure = refuted
     return (
-        f"{effect} is not named: it fits the runs ({100 * sure:.0f} %), but the held-out runs are predicted "
-        "worse with it, so it is something like it"
+        f"{effect} is rejected: it fits the runs (probability {100 * sure:.0f} %) but predicts the held-out "
+        "runs worse; suspect a similar effect"
     )
 
 

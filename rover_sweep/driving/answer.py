@@ -84,9 +84,9 @@ class DrivingAnswer(Shown):
 def answer_from(
     logs: Sequence[Log], wheelbase: float | None = None, rover: Geometry | None = None
 ) -> DrivingAnswer:
-    """What these logs show together, or each file of its own where their numbers disagree.
+    """One answer from all logs, or one per file if their numbers disagree.
 
-    wheelbase [m] turns some numbers into physical ones, and so do the known numbers of the rover.
+    wheelbase [m] and rover (its vehicle file) allow physical values for more numbers.
     """
     wheelbase = wheelbase or (rover.wheelbase if rover else None)
     files: dict[tuple[tuple[str, str], ...], list[Log]] = {}

@@ -17,7 +17,7 @@ SHIFTS = np.arange(-1.5, 2.0, 0.02)  # s, between steering and yaw rate
 OTHER_CLOCK = 0.3  # s from the usual delay of the runs, from which one has a clock of its own
 BETTER = 0.7  # of the unexplained variance, which that delay must leave at most
 FOLLOWS, UNRELATED = 0.8, 0.4  # share of the yaw rate that the steering gives in good runs, and in bad ones
-SHARED = 0.5  # share of a_y beside V r that the heading must give, and 2 degrees, for ground that slopes
+SHARED = 0.5  # share of a_y minus V r that the heading must give, and 2 degrees, for ground that slopes
 SLOPE = np.sin(np.radians(2.0))
 
 
@@ -84,6 +84,6 @@ def with_slope(log: Log) -> Log:
     slope = float(np.hypot(*np.linalg.lstsq(x, y, rcond=None)[0][2:])) / STANDARD_GRAVITY
     if slope < SLOPE or np.var(left[1]) > (1 - SHARED) * np.var(left[0]) or np.ptp(x[:, 2]) < 1.5:
         return log
-    words = f"a_y beside V r changes with the heading as on ground that slopes by {np.degrees(slope):.1f} deg"
-    note = Note("warning", f"{log.name}: {words}: understeer and straight ahead have this in them")
+    words = f"a_y minus V r changes with the heading as on a slope of {np.degrees(slope):.1f} deg"
+    note = Note("warning", f"{log.name}: {words}: understeer and trim are less certain")
     return replace(log, notes=(*log.notes, note))

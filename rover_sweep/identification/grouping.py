@@ -75,7 +75,7 @@ class Group(PlainNumbers):
         return output in self.responses and self.responses[output].band is not None
 
     def left_out(self, why: str) -> str:
-        """The sentence on a group that is not used."""
+        """Which runs were left out, and why."""
         return f"left out {', '.join(run.name for run in self.runs)} at {self.speed:.2f} m/s: {why}"
 
     def why_not(self) -> str | None:

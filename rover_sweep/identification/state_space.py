@@ -99,7 +99,8 @@ class ModelStructure:
     source: str = ""
 
     def __post_init__(self) -> None:
-        missing = [n for n in self.delays if n not in self.values]
+        names = {p.name for p in self.parameters}  # not `values`, which would keep those before the ties
+        missing = [n for n in self.delays if n not in names]
         if missing:
             raise ValueError(f"{self.name}: the delay {missing[0]!r} is not a parameter")
         if any(p.tied for p in self.parameters):

@@ -303,10 +303,10 @@ CARRIED = 0.3  # of the smallest steering: rms of the steering without mean and 
 
 
 def carried_intervals(log: Log) -> list[tuple[float, float]]:
-    """Intervals (start, end) [s] of driving without a halt whose steering carries, whatever its shape.
+    """Intervals (start, end) [s] of driving without a halt, with enough steering to identify from.
 
-    Shorter ones than `SHORTEST_RUN` count only as a whole trial: in a long drive they are manoeuvring. So is
-    what goes the other way than most of the drive.
+    One shorter than `SHORTEST_RUN` counts only if it is most of the recording. Driving against the main
+    direction is skipped.
     """
     speed, steering = log.signals["speed"], log.steering[0]
     least = min(SHORTEST_RUN, WHOLE * float(steering.t[-1] - steering.t[0])) if steering.t.size else 0.0

@@ -31,9 +31,9 @@ from rover_sweep.report.wording import count, sentence, unit, versions, versions
 TONES: dict[str, Tone] = {"good": "good", "rough": "warn", "none": "bad"}
 WORTH = 0.7  # a sweep is advised for numbers whose intervals it narrows below this share
 LAW = (
-    "Law: r = V g w / (1 + k V² + q a²), behind the delay and two lags, one of them growing with the "
-    "speed; w is the steering from straight, with a term for each side and one for a curve that bends, a "
-    "the lateral acceleration. Intervals are 90 %, with errors that are correlated in time and an error "
+    "Law: r = V g w / (1 + k V² + q a²), then a delay and two lags, one of them growing with the "
+    "speed. w: steering from straight, with a term for each side and one for a steering curve; a: lateral "
+    "acceleration. Intervals are 90 %, with errors that are correlated in time and an error "
     "of the speed of 0.015 m/s; an error of the speed's scale changes the curvature by as much."
 )
 SHOWN = 6  # stretches drawn, the longest
@@ -101,7 +101,7 @@ def _first(answer: DrivingAnswer) -> str:
         per = number(found["curvature"].value, 3)
         return f"The path curves by {per} 1/m for each 100 us of steering{late}."
     seen = number(found["wheelbase_seen"].value, 3)
-    return f"The rover turns as one of {seen} m wheelbase would for the recorded angle{late}."
+    return f"The rover turns like one of {seen} m wheelbase at the recorded angle{late}."
 
 
 def _numbers(answer: DrivingAnswer, of: str = "the steering") -> Table | None:

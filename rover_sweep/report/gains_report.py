@@ -57,8 +57,8 @@ def _corner_table(turns: Sequence[Corner], half_width: float) -> Table:
     )
     headings = ("", "gains", "turns at", "begins before", "off by", f"corridor of +-{half_width:g} m")
     note = (
-        "The turn begins before the corner so that the rover ends on the next leg; one that begins at the "
-        "corner swings wide by as much. Constant speed, without sideslip."
+        "The turn begins before the corner, so that the rover ends on the next leg; if it begins at the "
+        "corner, it ends wide by that distance. Constant speed, without sideslip."
     )
     return table_of("A corner of 90 degrees", headings, rows, note, (0, 1, 5))
 

@@ -50,7 +50,7 @@ def outcome_counts(found: tuple[StudyFinding, ...]) -> str:
 
 
 def rover_sentences(study: Study) -> tuple[str, ...]:
-    """The physics of the rover beyond the three structures, the firmware, and the assumptions."""
+    """Sentences on physics that no structure models, on the firmware, and on assumptions."""
     q, turf, firmware = study.runs.asphalt, study.runs.grass, study.runs.firmware
     softer = 100 * (1 - turf.front_cornering_stiffness / q.front_cornering_stiffness)
     return (

@@ -83,7 +83,7 @@ def test_effects_that_are_not_named_are_listed_with_the_reason() -> None:
     assert "roll_steer is present and does not matter: it is below the size that matters" in found
     assert "imu_offset is possible (42 %), but not sure enough for a name" in found
     said = refuted_words(("steering_backlash", 0.86))
-    assert said.startswith("steering_backlash is not named: it fits the runs (86 %)")
+    assert said.startswith("steering_backlash is rejected: it fits the runs (probability 86 %)")
 
 
 def test_the_explanations_of_a_refuted_effect_stand_for_something_else() -> None:

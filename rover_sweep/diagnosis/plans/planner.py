@@ -43,8 +43,8 @@ RunKind = Literal["sweep", "doublet", "bias_sweep", "multisine", "servo_test", "
 class PlannedRun:
     """A run to drive, or one that was driven.
 
-    amplitude_us: peak steering offset [us]. speed [m/s], 0 on blocks. heading: direction of the drive [deg
-    clockwise from north], None if any. bias_us: steering offset about which the run is driven [us].
+    amplitude_us: peak steering offset [us]. speed [m/s], 0 on blocks. heading: of the drive [deg clockwise
+    from north], None: any direction. bias_us: steering offset about which the run is driven [us].
     repeat: number of drives. name: of a run that was driven, else "".
     """
 

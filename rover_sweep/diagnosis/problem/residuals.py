@@ -207,7 +207,7 @@ def problem(runs: Sequence[Experiment], residuals: Sequence[Mapping[str, Array]]
 
 
 def with_floor(runs: Sequence[Experiment], floor: Floor) -> Problem:
-    """The problem of runs with a known noise floor."""
+    """Builds the Problem from runs and their noise floor."""
     rows, start = list[Rows](), 0
     for k, run in enumerate(runs):
         f: Array = np.asarray(np.fft.rfftfreq(run.t.size, 1 / RATE), np.float64)

@@ -117,9 +117,7 @@ def refuse_law(law: TableLaw) -> None:
     if law.place not in PLACES:
         raise ValueError(f"there is no place {law.place!r}")
     if law.over not in OVER or law.times not in ("", *FACTORS) or law.memory not in MEMORIES:
-        raise ValueError(
-            f"a law over {law.over!r} times {law.times!r} with memory {law.memory!r} is not known"
-        )
+        raise ValueError(f"unknown law: over={law.over!r}, times={law.times!r}, memory={law.memory!r}")
     numbers = np.array([*law.x, *law.y, law.size, law.damping], float)
     if len(law.x) != len(law.y) or len(law.x) < 2 or not np.all(np.abs(numbers) < LARGEST):
         raise ValueError("the table of a law needs as many x as y, at least two, all of them finite")
@@ -128,8 +126,8 @@ def refuse_law(law: TableLaw) -> None:
     sound = law.size <= FASTEST and law.damping > 0.0 and len(law.y) == 2 and not law.times
     if law.memory == "resonance" and not sound:
         raise ValueError(
-            f"a resonator needs a frequency up to {FASTEST:g} Hz, a damping above 0, two y and no factor; it "
-            f"has {law.size:g} Hz, {law.damping:g}, {len(law.y)} and {law.times!r}"
+            f"a resonator needs a frequency up to {FASTEST:g} Hz, a damping above 0, 2 y values and no "
+            f"`times`; got {law.size:g} Hz, {law.damping:g}, {len(law.y)} y values, times {law.times!r}"
         )
     if law.place == "steering" and (law.over not in ("delta", "delta_dot") or law.times):
         raise ValueError("a law in the steering depends on the steering angle only")

@@ -56,11 +56,11 @@ class Instant:
     vehicle: float
 
     def age(self, now: Instant) -> float:
-        """Time since this moment on the computer's clocks [s], the longest."""
+        """Longest time since this moment by the computer's clocks [s]."""
         return max(now.monotonic - self.monotonic, now.since_boot - self.since_boot)
 
     def age_anywhere(self, now: Instant) -> float:
-        """Time since this moment on all clocks [s], the longest."""
+        """Longest time since this moment by any clock [s]."""
         return max(self.age(now), now.vehicle - self.vehicle)
 
 
