@@ -3,33 +3,26 @@
 from __future__ import annotations
 
 import json
-import unicodedata
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from program_calls import RunProgram
+from hostile import OURS, hostile_copy, hostile_link, raw
+from program_calls import DRIVEN, ROVER, SWEEP, RunProgram
 from rich.console import Console
 from rich.table import Table
 
 from rover_sweep.cli.views.output import narration, results
+from sitl import launcher
 
 DATA = Path(__file__).parents[1] / "data"
 EVIL = "\x1b[2J\x1b]52;c;aGk=\x07\r\x08\x7f\x9b31m\u202e\u2028[red]x[/red]"
 
 
-def raw(text: str) -> set[str]:
-    """The control characters in an output, but for line breaks."""
-    return {c for c in text if c != "\n" and unicodedata.category(c) in ("Cc", "Cf", "Zl", "Zp", "Cs")}
-
-
-def hostile_copy(log: Path, folder: Path) -> Path:
-    """A log whose texts, file name and (in a .BIN) parameters' names are hostile."""
-    data = log.read_bytes()
-    for ours in (b"ArduRover V", b"SWP: run", b"EKF3 IMU", b"Frame:", b"STAT_RUNTIME"):
-        data = data.replace(ours, (ours[:3] + b"\x1b\x07\x9b\r\n\x7f\x08\x1b]0;")[: len(ours)])
-    copy = folder / f"$\\frac{{$_\x1b[31m[red]\u202e{log.name}"
-    copy.write_bytes(data)
-    return copy
+@pytest.fixture
+def hostile(ready: launcher.Running, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
+    hostile_link(monkeypatch)
+    yield ready.connection
 
 
 def test_a_console_shows_controls_as_text_and_no_markup(capsys: pytest.CaptureFixture[str]) -> None:
@@ -51,6 +44,31 @@ def test_a_colour_terminal_gets_only_what_rich_itself_writes(monkeypatch: pytest
     plain = Console(force_terminal=True, color_system="truecolor").render_str("x", style="red")
     assert plain.plain == "x" and "\x1b]52" not in caught.get() and "\x1b[2J" not in caught.get()
     assert "\x9b" not in caught.get() and "\x07" not in caught.get()
+
+
+def test_a_hostile_vehicle_in_commands(hostile: str, run_program: RunProgram, tmp_path: Path) -> None:
+    done = run_program("firmware", "check", "--connect", hostile)
+    assert done.code in (0, 1) and not raw(done.out + done.err), done
+    file = tmp_path / "all.param"
+    done = run_program("params", "pull", str(file), "--connect", hostile)
+    assert done.code == 0 and not raw(done.out + done.err)
+    text = file.read_text(encoding="utf-8")
+    assert not raw(text) and "A\\x1b]0;x\\x07\\x0a" in text and OURS not in text
+
+
+@pytest.mark.slow
+def test_a_hostile_vehicle_that_is_driven(
+    hostile: str, run_program: RunProgram, tmp_path: Path, few_draws: None
+) -> None:
+    out = tmp_path / "out"
+    done = run_program("run", "--connect", hostile, "--out", str(out), "--vehicle", ROVER, *SWEEP, *DRIVEN)
+    assert done.code == 0, done.err
+    said = done.out + done.err
+    assert not raw(said) and "SWP \\x1b[2J\\x1b]52;c;aGk=\\x07" in said and "[red]" in said
+    written = [path for kind in ("*.json", "*.html") for path in out.rglob(kind)]
+    assert len(written) >= 3 and not any(raw(path.read_text(encoding="utf-8")) for path in written)
+    status = run_program("status", str(out))
+    assert status.code == 0 and not raw(status.out + status.err)
 
 
 @pytest.mark.parametrize("log", ["applet/run2.BIN", "defaults/run2.tlog"])
