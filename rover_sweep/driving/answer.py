@@ -178,12 +178,7 @@ def _numbers(
     """The quantities that are shown, and sentences on those that are not."""
     late, unsure = _lateness(fit, speeds[1])
     if driving.course and late:
-        low, high = late[-1].interval_90 or (0.0, np.inf)
-        unsure = (
-            f"How late the turn follows: the course turns {1000 * low:.0f} to {1000 * high:.0f} ms after the "
-            f"steering, and the rover later by the distance from its rear axle to the antenna over "
-            f"{speeds[1]:.1f} m/s",
-        )
+        unsure = ("How late the turn follows: positions are too smooth for it. Record a gyro",)
         late = ()
     handling, open_question = _handling(fit, speeds, wheelbase)
     shown = (

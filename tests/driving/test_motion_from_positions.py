@@ -68,7 +68,21 @@ def test_latitude_and_longitude_give_speed_and_yaw_rate(scale: float, tmp_path: 
     answer = rs.identify_driving(path)
     assert answer.numbers["wheelbase_seen"].value == pytest.approx(WHEELBASE, rel=0.05)
     assert "response_time" not in answer.numbers
-    assert any("antenna" in words for words in answer.unknown)
+    assert any("Record a gyro" in words for words in answer.unknown)
+
+
+def test_positions_written_again_at_the_rate_of_the_gyro_count_once(tmp_path: Path) -> None:
+    d = driven(100)
+    for every, name in ((20, "five"), (100, "one")):
+        held = {n: np.repeat(x[::every], every)[: x.size] for n, x in degrees_of(d).items()}
+        path = written(tmp_path / f"{name}.csv", t=d["t"], steering=d["delta"], yaw_rate=d["r"], **held)
+        if name == "one":
+            with pytest.raises(DataRefused, match="come every 1 s, too seldom for a speed in turns"):
+                rs.identify_driving(path)
+        else:
+            answer = rs.identify_driving(path)
+            assert answer.numbers["wheelbase_seen"].value == pytest.approx(WHEELBASE, rel=0.05)
+            assert answer.numbers["response_time"].value == pytest.approx(0.12, abs=0.03)
 
 
 def test_positions_too_coarse_for_a_yaw_rate_are_said(tmp_path: Path) -> None:
@@ -215,4 +229,4 @@ def test_ground_that_slopes_is_said(tmp_path: Path) -> None:
     sloping = d["ay"] + 9.81 * np.sin(np.radians(4)) * np.sin(d["psi"])
     for ay, said in ((sloping, True), (d["ay"], False)):
         (log,) = read_logs(str(written(tmp_path / "bank.csv", **given, ay=ay)))
-        assert any("ground that slopes by 4." in note.text for note in with_slope(log).notes) == said
+        assert any("as on a slope of 4." in note.text for note in with_slope(log).notes) == said

@@ -9,6 +9,8 @@ import click
 from rover_sweep.cli.options import argument, option, options, refuse_input, write_text
 from rover_sweep.errors import UsageError
 
+CORRECT = "to correct the map, write it with --out columns.toml"
+
 
 @click.command()
 @options
@@ -46,4 +48,5 @@ def columns(
         advice = guess.obstacle or "complete the commented lines"
         echo(f"not found: {', '.join(guess.missing)}; {advice}", err=True)
     else:
-        say_next(command)
+        plain = f"rover-sweep identify {shlex.quote('+'.join(files))} --out report"
+        say_next(*((plain, CORRECT) if out == "-" else (command,)))

@@ -46,7 +46,7 @@ from typing import Any
 import numpy as np
 
 from rover_sweep.data.geometry import STANDARD_GRAVITY
-from rover_sweep.data.recording import Array
+from rover_sweep.data.recording import Array, Mask
 from rover_sweep.errors import UsageError
 from rover_sweep.files.documents import read_toml
 
@@ -286,6 +286,7 @@ def _factor(channel: str, own: str, unit: Any) -> float:
 
 NEIGHBOURS, AROUND = 2, 0.03  # samples, and s, on each side in the regression that gives a slope
 HELD = 0.15  # s; a value that repeats for less is one sample that was written several times
+LONGER = 1.5  # times the usual time between two values, up to which one that repeats is also one sample
 
 
 def heading_of(x: Array, y: Array, z: Array, w: Array) -> Array:
@@ -314,6 +315,14 @@ def course_rate(vx: Array, vy: Array, ax: Array, ay: Array) -> Array:
     return np.asarray((vx * ay - vy * ax) / fast**2)
 
 
+def sampled(t: Array, x: Array) -> Mask:
+    """True (n,) where a value was measured, False where a slower source's last value is written again."""
+    new = np.concatenate(([True], np.diff(x) != 0))
+    usual = float(np.median(np.diff(t[new]))) if new.sum() > 1 else 0.0
+    last = np.maximum.accumulate(np.where(new, t, -np.inf))
+    return np.asarray(new | (t - last >= max(HELD, LONGER * usual)))
+
+
 def slope(t: Array, x: Array) -> Array:
     """dx/dt (n,) at times t (n,) s, by regression over the nearest samples; without delay.
 
@@ -321,9 +330,7 @@ def slope(t: Array, x: Array) -> Array:
     """
     if t.size < 2:
         return np.zeros_like(x)
-    new = np.concatenate(([True], np.diff(x) != 0))
-    last = np.maximum.accumulate(np.where(new, t, -np.inf))
-    new |= t - last >= HELD
+    new = sampled(t, x)
     s, y = t[new], x[new]
     if s.size < 2:
         return np.zeros_like(x)

@@ -55,6 +55,7 @@ NAMED = 0.7  # weight of a name that says the role
 LAGS = range(-4, 13)  # steps of the grid from steering to yaw rate
 BLOCK = 5.0  # s, beyond which what a scale is fitted to counts as independent
 LENGTHS = 0.1, 4.5  # m, of wheelbases
+STEEPEST = 0.8  # rad, largest angle of a road wheel
 RATIO_UNKNOWN = "identify with --wheelbase finds it, as steering_ratio; models need it as scale"
 
 
@@ -425,12 +426,13 @@ def _steering_unit(grid: ColumnGrid, name: str, gain: float) -> tuple[str, dict[
     lengths = {u: FACTORS["rad"][u] / abs(gain) if gain else 0.0 for u in ("rad", "deg")}
     fits = [u for u, x in lengths.items() if not x or LENGTHS[0] < x < LENGTHS[1]]
     normal = told not in lengths and min(abs(size - 1), abs(size / 100 - 1)) < 0.03
-    angles = {"rad": size < 1.2, "deg": 3 < size < 60}
+    angles = {"rad": size < STEEPEST, "deg": 3 < size < 60}
     unit = told if told in lengths else next((u for u in fits if angles[u]), "")
     if unit in fits and not normal and size * FACTORS["rad"][unit] < 1.2:
         why = "by its name" if told else "by its size"
         seen = f", as if the wheelbase were {lengths[unit]:.2g} m" if gain else ""
-        return "delta", {"unit": unit} if unit == "deg" else {}, f"{unit} {why}{seen}"
+        words = f"{unit} {why}{seen}" + ("" if told else '; if it is of full steering: unit = "full"')
+        return "delta", {"unit": unit} if unit == "deg" else {}, words
     if not normal and (unit or (size >= 60 and lengths["deg"] > 1)):
         unit = unit or "deg"
         words = f"{unit}, up to {size:.3g}, of a steering wheel? Its ratio is unknown: {RATIO_UNKNOWN}"

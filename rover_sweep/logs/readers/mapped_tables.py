@@ -159,6 +159,20 @@ def _moved(t: Array, column: Column, parts: Sequence[Array], turns: bool) -> Arr
     return moved * np.sign(column.scale)
 
 
+SELDOM = 0.4  # s between positions, from which the chord of a turn is no longer its path
+
+
+def _refuse_seldom(name: str, column: Column, t: Array, parts: Sequence[Array]) -> None:
+    """DataRefused for positions that come too seldom for a speed in turns."""
+    changed = t[1:][np.any([np.diff(part) != 0 for part in parts], axis=0)]
+    apart = float(np.median(np.diff(changed))) if changed.size > 1 else 0.0
+    if apart > SELDOM:
+        raise DataRefused(
+            f"{name}: the positions of {column.source} come every {apart:.2g} s, too seldom for a speed in "
+            "turns (4 a second are enough); give a column of the speed"
+        )
+
+
 def _log(name: str, table: RecordedTable, rows: Sequence[NDArray[np.bool_]], columns: ColumnMap) -> Log:
     """rows: for each stream a mask of the rows that are used."""
     signals: dict[str, Signal] = {}
@@ -177,6 +191,7 @@ def _log(name: str, table: RecordedTable, rows: Sequence[NDArray[np.bool_]], col
         if column.made in ("heading", "quaternion"):
             x = np.unwrap(x) if channel == "psi" else slope(t, np.unwrap(x))
         elif column.made in PATHS and t.size:
+            _refuse_seldom(name, column, t, parts)
             x = _moved(t, column, parts, channel == "r")
         if columns.frd and channel in SIGN_CHANGES:
             x = -x
