@@ -1,1 +1,1 @@
-"""A simulation compared with recordings: where they differ, and which number, physics or instrument it is."""
+"""Compares a simulation with recordings: where they differ, in which number, physics or instrument."""

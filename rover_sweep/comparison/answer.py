@@ -23,7 +23,7 @@ class Difference:
     """One quantity in which simulation and recordings differ.
 
     name: of the number or effect. simulation, recordings: its parameters on both sides with 90 % intervals
-    and the same names. change: {parameter: simulation to recordings}, a factor where `relative`, else a
+    and the same names. change: {parameter: simulation to recordings}, a factor if `relative`, else a
     difference. gain: drop of chi-squared. look_alikes: other quantities that explain nearly as much.
     """
 
@@ -87,10 +87,10 @@ class Bode:
 class Comparison(Shown):
     """Simulation against recordings.
 
-    sentence: the answer. places: where they differ, in sizes of both noise floors together. minor: quantities
-    that differ by less than the normal tolerance. could_differ: {effect: {parameter: range}} of the
-    differences that these runs do not exclude at 95 %. overlays, bode: `before` is the simulation, `after`
-    the simulation plus what the differences change.
+    sentence: the answer. places: where they differ, in units of both noise floors together. minor: quantities
+    that differ by less than the normal tolerance. could_differ: {effect: {parameter: range}} of differences
+    not excluded at 95 % by these runs. overlays, bode: `before` is the simulation, `after` the simulation
+    plus what the differences change.
     """
 
     verdict: Verdict
@@ -234,8 +234,8 @@ class Twin:
     """A simulation that was compared, corrected and driven again until it agreed or nothing helped.
 
     agrees: the last round agrees. corrections: of all rounds together, from the first variant to the last.
-    left: sentences on what the recordings show and the simulated rover cannot have. overlays, bode: the first
-    and the last simulation.
+    left: sentences on differences that the simulated rover cannot have. overlays, bode: the first and the
+    last simulation.
     """
 
     sentence: str

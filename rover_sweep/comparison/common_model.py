@@ -1,7 +1,7 @@
 """Both sides fitted with one model: the recordings' model and the effects that only the simulation has.
 
-What the equations of the model lack biases both fits alike, so their difference shows what differs between
-the sides (indirect inference: Gourieroux, Monfort and Renault 1993, J. Applied Econometrics 8).
+Missing terms of the model's equations bias both fits alike, so their difference shows how the sides differ
+(indirect inference: Gourieroux, Monfort and Renault 1993, J. Applied Econometrics 8).
 
 The tolerances of a vehicle file are widened here by about five: a simulation may have any numbers. Small
 effects that every rover has are not allowed for: a compliant steering, for one, would hide a wrong Cf.
@@ -61,7 +61,7 @@ Chosen = tuple[int, ...]
 class Subsets:
     """The costs of sets of candidates. whitened: d (k,) and each candidate's columns (k, m) in S^(-1/2).
 
-    known: {candidate of one column: (its amount as it is known beforehand, standard deviation)}.
+    known: {candidate of one column: (its amount known beforehand, standard deviation)}.
     """
 
     def __init__(
@@ -97,7 +97,7 @@ class Subsets:
         return float(self.difference @ self.difference - seen @ seen)
 
     def amount(self, k: int, chosen: Sequence[int]) -> tuple[float, float]:
-        """(amount of a candidate's first column beside a set, its standard deviation)."""
+        """(amount of a candidate's first column with a set, its standard deviation)."""
         others = [c for c in chosen if c != k]
         b = np.column_stack([self.columns[k], *(self.columns[c] for c in others)])
         inverse = np.linalg.pinv(b.T @ b, rcond=1e-12)
@@ -108,9 +108,9 @@ class Subsets:
         return self.left(chosen) + PENALTY * sum(self.columns[k].shape[1] for k in chosen)
 
     def likely(self, best: Chosen) -> dict[Chosen, float]:
-        """{set: its probability} of a set and those that differ from it in one candidate, above `UNLIKELY`.
+        """{set: probability} of a set and those that differ from it in one candidate, if above `UNLIKELY`.
 
-        The score is -2 ln of a probability, but for a constant.
+        The score is -2 ln of a probability plus a constant.
         """
         near = dict.fromkeys((best, *_neighbours(self, best)))
         weights = {s: float(np.exp(0.5 * (self.score(best) - self.score(s)))) for s in near}
@@ -119,7 +119,7 @@ class Subsets:
 
 
 def fewest(subsets: Subsets, effects: Collection[int] = ()) -> Chosen:
-    """The best set that the search finds, in the order of the candidates. effects: those that are one."""
+    """The best set that the search finds, in order of the candidates. effects: those that are effects."""
     every = range(len(subsets.columns))
     full = tuple(every)
     while len(full) > MOST:  # without those that cost least to remove
@@ -192,7 +192,7 @@ class FittedSide:
 
     plain: the problem without tolerances. problem: in their metric, in which the model is `fitted`, with its
     Jacobian there. covariance (k, k): of the coordinates over their scales. Those of `OF_THE_DAY` are fitted,
-    but are none of the k.
+    but not in the k.
     """
 
     plain: Problem
@@ -221,7 +221,7 @@ class FittedSide:
         )
 
     def at_largest(self, name: str) -> bool:
-        """True where an effect's fit ended at the largest size of a vehicle: it measures nothing."""
+        """True if an effect's fit ended at the largest size of a vehicle: it measures nothing."""
         added = {c.name for c in added_coordinates(self.model.law(name))}
         return any(
             end and abs(self.fitted.x[c.name] - end) <= NEAR * c.scale
@@ -264,9 +264,9 @@ def side_of(
 ) -> FittedSide:
     """The model fitted to one side. start: {coordinate: value} to begin from.
 
-    present: ids of the effects that this side may have; the others stay absent. None: all of them, where that
-    lowers the cost by more than chance; else none. An effect that is fitted to a side without it may end in a
-    false minimum, or take a part of a lag.
+    present: ids of the effects that this side may have; the others stay absent. None: all, if that lowers the
+    cost by more than chance, else none. An effect that is fitted to a side without it may end in a false
+    minimum, or take a part of a lag.
     """
     every = {form_named(name).id for name in model.effects}
     plain, closest = _closest(runs, model, start, every if present is None else set(present))

@@ -1,4 +1,4 @@
-"""From recordings and their simulation to an answer: do they agree, where do they differ, and in what."""
+"""Compares recordings with their simulation: do they agree, where do they differ, and in what?"""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ FAINT = 1e-3  # length of a signature that no data show
 def could_differ(
     found: Found, recordings: FittedSide, simulation: FittedSide
 ) -> dict[str, dict[str, UpperBound]]:
-    """{quantity or effect: {parameter: range of recordings minus simulation}}; of some numbers relative."""
+    """{quantity or effect: {parameter: range of recordings minus simulation}}; some are relative."""
     out: dict[str, dict[str, UpperBound]] = {}
     for k, q in enumerate(found.candidates):
         if q.effect is None and k not in found.chosen:
@@ -82,9 +82,9 @@ def largest_score(side: FittedSide) -> float:
 
 
 def suspects(recordings: FittedSide, simulation: FittedSide) -> tuple[str, ...]:
-    """Effects outside of the model in which both sides differ clearly, those nearly as clear as the first.
+    """Effects outside of the model in which both sides differ clearly, nearly as clearly as in the first.
 
-    A straight line tells play from sticking poorly, so the fits decide between them.
+    A linear prediction hardly separates play from sticking, so fits decide.
     """
     one, two = _amounts(recordings), _amounts(simulation)
     clear = {k: (one[k][1] - two[k][1]) ** 2 / (one[k][2] + two[k][2]) for k in one if k in two}
@@ -158,7 +158,7 @@ def _cost(one: FittedSide, two: FittedSide) -> float:
 
 
 def _with(runs: Sequence[Experiment], side: FittedSide, name: str, model: Model) -> FittedSide:
-    """The side fitted with the effect, from what a linear prediction says, where it says something."""
+    """The side fitted with the effect, from its linear prediction if there is one."""
     found = screen(side.problem, side.fitted, tangent(side.fitted), side.model, form_named(name))
     return side_of(runs, model, {**side.fitted.x, **(found.start if found else {})}, model.ids)
 
@@ -171,17 +171,17 @@ SOME_LEFT, SUSPICIOUS = 1.1, 20.0
 
 A score above 20 by chance is rarer than 1 in 1000 for 40 parameters; the search itself decides."""
 UNNAMED = (
-    "the recordings have something that is not in the list of effects, as their diagnosis says, so no effect "
-    "was looked for in the difference"
+    "the diagnosis of the recordings found something that is not in the list of effects, so no effect was "
+    "looked for in the difference"
 )
 
 
 @dataclass(frozen=True, eq=False)
 class Compared:
-    """A comparison with what its pictures and a correction need.
+    """A comparison with the data for pictures and corrections.
 
-    used, unused: the pairs whose recorded runs were used and held out, with their differences. left: what is
-    left of differences that were corrected before.
+    used, unused: the pairs whose recorded runs were used and held out, with their differences. left: the rest
+    of differences that were corrected before.
     """
 
     answer: Comparison
@@ -207,14 +207,13 @@ def compare(
 ) -> Compared:
     """Compare simulated runs with the recorded runs whose steering they have.
 
-    held_out: recorded runs that were used for nothing. model: of the recordings, from their diagnosis.
+    held_out: recorded runs that no fit has used. model: of the recordings, from their diagnosis.
     effects: names of the laws in the simulation where they are known; None: they are searched. fitted:
     {laws: the recordings fitted with them}, filled and used where the same recordings are compared several
-    times; then without bounds and pictures. unnamed: the diagnosis says that the recordings have something
-    without a name, so none is given to a difference that it did not name either. measured: differences that
-    follow from what was measured on the rover and what the simulation has. changed: quantities that were
-    corrected by the same recordings before. DataRefused where a simulated run has the steering of no
-    recording, or no run that is not held out was simulated.
+    times; then without bounds and pictures. unnamed: the diagnosis found something without a name, so
+    differences that it did not name stay unnamed. measured: differences of numbers measured on the rover from
+    the simulation's. changed: quantities that were corrected by the same recordings before. DataRefused if a
+    simulated run has the steering of no recording, or if only held-out runs were simulated.
     """
     started = time.monotonic()
     progress("comparing simulation and recordings", 0.0)
@@ -311,14 +310,14 @@ def _sides(
 
 
 def _far_off(simulation: FittedSide) -> tuple[str, ...]:
-    """A sentence where the simulation has laws that the model of the recordings does not reach."""
+    """A sentence if the recordings' model does not fit the simulation."""
     ends = simulation.at_bounds
     if not ends:
         return ()
     return (
-        "the simulation is no rover of the recordings' model: its fit ends at the bounds of "
-        f"{', '.join(ends)}, so the values of its numbers are not to be trusted; compare a simulation with "
-        "roll, with its sensors at the IMU, and with the filters of the recordings",
+        "the recordings' model does not fit the simulation: the fit ends at the bounds of "
+        f"{', '.join(ends)}, so its numbers are not reliable; compare a simulation with roll, with its "
+        "sensors at the IMU, and with the filters of the recordings",
     )
 
 

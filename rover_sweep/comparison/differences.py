@@ -45,9 +45,9 @@ class Comparable:
     """One candidate for a difference.
 
     parts: per free direction, the coordinates that it moves, {coordinate: amount per unit}; a number has one
-    direction, an effect one for each parameter. report: what a user reads at the coordinates of the whole
-    model. matters: change of the first direction from which the difference counts. relative: the direction
-    is the logarithm of the number.
+    direction, an effect one for each parameter. report: values for a user at the coordinates of the model.
+    matters: change of the first direction from which the difference counts. relative: the direction is the
+    logarithm of the number.
     """
 
     name: str
@@ -201,7 +201,7 @@ def found_between(
 ) -> Found:
     """The fewest quantities that explain the difference of two sides fitted with the same model.
 
-    known: of coordinates of which more is known than the two fits say.
+    known: coordinates known better than from the two fits.
     """
     coordinates = recordings.coordinates
     candidates = quantities(recordings.model, coordinates)
@@ -218,9 +218,9 @@ def found_between(
 def differences_left(
     found: Found, recordings: FittedSide, simulation: FittedSide, known: Known, changed: Collection[str]
 ) -> tuple[Difference, ...]:
-    """What is left of the differences in quantities that were corrected before, with their intervals.
+    """The rest of the differences in quantities that were corrected before, with intervals.
 
-    They and those that still differ are estimated together, however little they differ.
+    They are estimated together with those that still differ, even if small.
     """
     every = range(len(found.candidates))
     both = tuple(k for k in every if k in found.chosen or found.candidates[k].name in changed)
@@ -236,7 +236,7 @@ def differences_left(
 
 
 def _of_candidates(known: Known, candidates: Sequence[Comparable]) -> dict[int, tuple[float, float]]:
-    """What is known of coordinates as {candidate that moves one alone: (amount, standard deviation)}."""
+    """Known coordinates as {candidate that moves one alone: (amount, standard deviation)}."""
     out = {}
     for k, q in enumerate(candidates):
         (name, *others) = q.parts[0]
@@ -266,7 +266,7 @@ def _draws(
 
 
 def _axle_by_axle(chosen: Chosen, candidates: Sequence[Comparable]) -> Chosen:
-    """The same set with both axles' stiffness in the place of one axle's beside that of both."""
+    """The same set; mean stiffness and one axle's are replaced by both axles'."""
     place = {q.name: k for k, q in enumerate(candidates) if q.name in ("C", "Cf", "Cr")}
     stiff = {name for name, k in place.items() if k in chosen}
     if "C" not in stiff or len(stiff) == 1:

@@ -1,7 +1,7 @@
-"""Response against response: the difference of pairs of runs in sizes of both noise floors together.
+"""Response against response: the difference of pairs of runs in units of both noise floors together.
 
-The steering and the speed of both sides differ a little, by their noise and the time stamps of each log. So
-one model, the same for both, takes out what follows from that: compared are D - f(u_D) and S - f(u_S).
+The steering and the speed of both sides differ a little, by noise and the time stamps of each log. One model
+f, the same for both, removes this: D - f(u_D) is compared with S - f(u_S).
 """
 
 from __future__ import annotations
@@ -69,7 +69,7 @@ def pairs_by_steering(recorded: Sequence[Experiment], simulated: Sequence[Experi
 
 
 def shared(pair: Pair) -> Pair:
-    """The pair with the channels that both sides have. DataRefused where the yaw rate is not one of them."""
+    """The pair with the channels that both sides have. DataRefused if the yaw rate is not one of them."""
     both = [c for c in pair.recorded.measured if c in pair.simulated.measured]
     if "r" not in both:
         raise DataRefused(
@@ -128,9 +128,9 @@ class Direct:
 def direct(
     pairs: Sequence[Pair], recordings: FittedSide, simulation: FittedSide, unused: bool = False
 ) -> Direct:
-    """The difference of pairs with the noise floors of both sides; `recordings` has the model to take out.
+    """The difference of pairs with the noise floors of both sides; `recordings` has the model f.
 
-    unused: the runs are no part of the sides, so the floors are scaled to the runs' own noise.
+    unused: no side was fitted to the runs, so the floors are scaled to the runs' own noise.
     """
     model = recordings.fitted
     left = [
@@ -149,7 +149,7 @@ def direct(
 
 
 def sum_of(one: Floor, two: Floor) -> Floor:
-    """The noise of a difference: both densities together."""
+    """The noise of a difference: sum of the densities."""
     shared = [c for c in one.density if c in two.density]
     density = {c: one.density[c] + two.at(c, one.f) for c in shared}
     tops = {c: min(f.top.get(c, np.inf) for f in (one, two)) for c in shared}
@@ -185,7 +185,7 @@ BAND = (0.5, 8.0)  # Hz, of the noise that is compared
 
 
 def instruments(pairs: Sequence[Pair], recorded: Floor, simulated: Floor) -> tuple[Instrument, ...]:
-    """What differs in the known filters, the rates of the records and the noise, channel by channel."""
+    """Differences in known filters, recording rates and noise, channel by channel."""
     pair = pairs[0]
     missing = [
         Instrument("channel", c, "", None, None, f"the simulation has no {channel_name(c)}")
@@ -255,7 +255,7 @@ class BeforeAfter:
 def predicted(
     compared: Direct, recordings: FittedSide, found: Found, held_out: bool
 ) -> tuple[BeforeAfter, ...]:
-    """The simulated runs, and the same plus what the differences that were found change."""
+    """The simulated runs without and with the differences that were found."""
     model, out = recordings.fitted.model, []
     for pair in compared.pairs:
         ends = [logged(pair.recorded, model, x[0]) for x in (found.recordings, found.simulation)]

@@ -91,8 +91,7 @@ def diagnose(
     held_out_runs: used neither for the fit nor for the selection. simulated: recordings of a simulation; the
     simplest model that reproduces them is then the baseline. progress(activity, share done 0..1); stop:
     True ends the search with the results so far. groups: the runs by speed, where that is known. DataRefused
-    where the data allow no identification; UsageError for settings that this rover or baseline does not
-    support.
+    if the data allow no identification; UsageError if rover or baseline do not support the settings.
     """
     started = time.monotonic()
     limit = settings.time_limit
@@ -146,18 +145,17 @@ def _refuse(runs: Sequence[Recording], rover: Geometry, baseline: Baseline, grou
 
 
 def _refuse_without_floor(used: Sequence[Experiment]) -> None:
-    """DataRefused where the steering excites all frequencies in all frames: no noise floor can be found."""
+    """DataRefused if the steering excites all frequencies in all frames: there is no noise floor then."""
     if not has_floor(used):
         longest = max(float(run.t[-1]) for run in used)
         raise DataRefused(
-            f"the runs are too short to find their noise floor: the longest has {longest:.1f} s, and the "
-            f"noise at a frequency is measured in {WINDOW:g} s without steering at that frequency; drive a "
-            "whole sweep"
+            f"the runs are too short to find their noise floor: the longest has {longest:.1f} s; the "
+            f"noise at a frequency needs {WINDOW:g} s without steering at that frequency; drive a whole sweep"
         )
 
 
 def _start(parameters: Mapping[str, float]) -> dict[str, float]:
-    """{coordinate: value} to begin the fit from, out of {parameter: SI value} of an identified model."""
+    """Start {coordinate: value} of the fit from {parameter: SI value} of an identified model."""
     known = {n: log(v) for n in START if (v := parameters.get(n, 0.0)) > 0}
     out = {f"ln_{n}": v for n, v in known.items() if n not in ("Cf", "Cr")}
     if "Cf" in known and "Cr" in known:
@@ -168,7 +166,7 @@ def _start(parameters: Mapping[str, float]) -> dict[str, float]:
 def _answer(
     judged: Judged, used: Sequence[Experiment], held: Sequence[Experiment], settings: DiagnosisSettings
 ) -> tuple[Diagnosis, FoundLaws | None]:
-    """(the diagnosis without its model, the laws of the unknown that belong into the model)."""
+    """(the diagnosis without its model, the unnamed laws that the model will include)."""
     found, held_out, rests, refuted = judged
     none, last = found.none, found.last
     floor = last.problem.floor
@@ -243,11 +241,11 @@ def _speed_answer(
 ) -> tuple[dict[str, str], dict[str, float], tuple[Finding, ...], Unknown | None]:
     """Speed lost in turns: ({effect: why it cannot be judged}, {effect: gain}, findings, unknown).
 
-    It is judged where the fitted motion is good enough to know the drag of the turned wheels.
+    Judged only if the fitted motion is good enough to give the drag of the turned wheels.
     """
     last = found.last
     if last.model.lumped:
-        why = "the lumped model has no front tyre force, whose drag must be known"
+        why = "the lumped model has no front tyre force, whose drag is needed"
         return {SPEED: why}, {}, (), None
     if found.stopped:
         judged = set(found.gains) | set(last.cannot_see)

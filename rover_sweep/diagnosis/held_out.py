@@ -26,7 +26,7 @@ EXPLAINABLE = 1.05  # mean square of the rows above which a share removed is com
 
 @dataclass(frozen=True, eq=False)
 class HeldOutRun:
-    """A held-out run with everything that does not depend on the model.
+    """A held-out run with all data that do not depend on the model.
 
     responses: measured frequency responses {output: response} of a sweep, empty for other manoeuvres.
     """
@@ -39,7 +39,7 @@ class HeldOutRun:
     def of(run: Experiment, floor: Floor, whole: FittedModel) -> HeldOutRun:
         """The run with the noise floor of the used runs, scaled to its own noise level.
 
-        whole: a model whose residual is noise, for that level.
+        whole: a model whose residual gives that level.
         """
         found = frequency_responses_of(run, centred(run)) if run.kind in SWEPT else {}
         return HeldOutRun(run, with_floor([run], scaled_floor(run, floor, whole)), found)
@@ -52,7 +52,7 @@ class HeldOutRun:
 def scaled_floor(run: Experiment, floor: Floor, whole: FittedModel) -> Floor:
     """The floor scaled, channel by channel, to the run's noise at frequencies that are not excited.
 
-    A slower run vibrates less. One run has too few quiet frames for a floor of its own, so the shape stays.
+    A slower run vibrates less. One run has too few quiet frames for its own floor, so the shape is kept.
     """
     return floor.times(level_of(run, signals_left(run, whole.model, whole.x), floor))
 
@@ -60,8 +60,7 @@ def scaled_floor(run: Experiment, floor: Floor, whole: FittedModel) -> Floor:
 def compare_held_out(held: HeldOutRun, before: FittedModel, after: FittedModel) -> HeldOut:
     """Both models on one held-out run; the mean square of a row is 1 where a model is right.
 
-    share_removed is None where nothing is left to explain, or where the models differ too little to be
-    judged.
+    share_removed is None if no residual is left to explain, or if the models hardly differ.
     """
     one, two = held.residual(before), held.residual(after)
     noise = held.problem.size
@@ -83,8 +82,8 @@ def worse_channels(held: HeldOutRun, before: FittedModel, after: FittedModel) ->
 def worse_by(before: Array, after: Array) -> float:
     """By how much the second residual's sum of squares is larger (rows (n,)), beyond the noise.
 
-    With s, the rows by which both models differ, the difference of the sums of squares has the standard
-    deviation 2 sqrt(s^T s) where either model is right.
+    If one of the models is right, the difference of the sums of squares has the standard deviation
+    2 sqrt(s^T s), s the difference of their rows.
     """
     spread = 2.0 * float(np.linalg.norm(before - after)) + 1.0
     return float(after @ after - before @ before) - SURE * spread
@@ -108,7 +107,7 @@ def frequency_responses_of(run: Experiment, log: Mapping[str, Array]) -> Respons
 
 
 def recorded(run: Experiment, log: Mapping[str, Array]) -> Recording:
-    """A log {channel: (n,)}, SI units, on the run's grid as a recording of the whole run."""
+    """Makes a recording from a log {channel: (n,)}, SI units, on the run's grid."""
     units = {"r": "rad/s", "p": "rad/s", "ay": "m/s^2", "vy": "m/s", "delta": "rad", "speed": "m/s"}
     channels = {"delta": run.steer, "speed": run.speed, **log}
     signals = {c: Signal(run.t, x, units[c], hold=False) for c, x in channels.items()}
@@ -161,7 +160,7 @@ def overlay_of(
 
 
 def spectrum_over_noise(error: Array, run: Experiment, floor: Floor, channel: str) -> tuple[Array, Array]:
-    """(frequency (k,) [rad/s], power of a residual over that of the noise (k,)) of up to 24 bands."""
+    """(frequency (k,) [rad/s], residual power over noise power (k,)) of up to 24 bands."""
     f = np.fft.rfftfreq(error.size, 1 / RATE)
     power = np.abs(np.fft.rfft((error - error.mean()) * run.taper)) ** 2
     power *= 2 / (RATE * np.sum(run.taper**2))

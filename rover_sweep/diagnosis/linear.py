@@ -37,7 +37,7 @@ BODY = ("V_y", "r", "p", "phi")
 
 
 def linear_matrices(p: Mapping[str, Any], states: tuple[str, ...], lumped: bool, outputs: int) -> Matrices:
-    """M, F, G, H0, H1 in these states, of the first outputs of r, ay, vydot and p as the IMU measures them.
+    """M, F, G, H0, H1 for these states and the first `outputs` of r, ay, vydot, p at the IMU.
 
     p: {parameter: SI value} with the names of `linear`, and "V" [m/s].
     """
@@ -177,7 +177,7 @@ class FirstOrderLowPass(LowPass):
 
 
 def hidden_filters(model: AugmentedModel) -> dict[str, LowPass]:
-    """{channel: low-pass} that the diagnosis found; the known filters follow them."""
+    """{channel: low-pass} that the diagnosis found, before the known ones."""
     law, periods = _hidden(model)
     if law == "delay":
         return {}
@@ -186,7 +186,7 @@ def hidden_filters(model: AugmentedModel) -> dict[str, LowPass]:
 
 
 def _hidden(model: AugmentedModel) -> tuple[str, dict[str, float]]:
-    """The law of a sensor filter without its place, and {channel: 1/cut-off [s]}."""
+    """(form of the sensor filter, "" if none, {channel: 1/cut-off [s]})."""
     law = next((e.form for e in model.added if e.id == "sensor_filter"), "")
     names = (("r", "gyro_hz"), ("p", "gyro_hz"), ("ay", "accel_hz"))
     periods = {c: model.value(f"sensor_filter.{name}") for c, name in names} if law else {}

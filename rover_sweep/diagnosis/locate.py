@@ -1,7 +1,7 @@
 """Where a model and the recordings differ, in multiples of the noise floor.
 
 A place is reported where the residual is both large and significantly above the noise. A condition is
-reported where this also holds against a reference: other runs, the other turn, the orders next to a harmonic.
+reported where it also exceeds a reference: other runs, the other turn, the orders next to a harmonic.
 """
 
 from __future__ import annotations
@@ -85,7 +85,7 @@ def worst_band(problem: Problem, rows: Array, channel: str) -> Mismatch | None:
 
 
 def by_run(problem: Problem, rows: Array, channel: str) -> Iterator[Mismatch]:
-    """Amplitude and speed, where a channel's residual is not in proportion to the motion."""
+    """Amplitudes and speeds where the residual is a different share of the motion."""
     runs = problem.runs
     pairs = list(combinations([r.run for r in problem.rows if r.channel == channel], 2))
     apart = {(a, b): abs(np.log(runs[b].amplitude / runs[a].amplitude)) for a, b in pairs}
@@ -101,7 +101,7 @@ def by_run(problem: Problem, rows: Array, channel: str) -> Iterator[Mismatch]:
 
 @dataclass(frozen=True, eq=False)
 class _Pair:
-    """Two runs in the k half octaves in which the residuals of both are above the noise.
+    """Two runs in the k half octaves where both residuals are above the noise.
 
     residual (k, 2): power above the floor, in noise; motion (k, 2): power of the measured rows; ratio: rms
     over noise of each run; band [rad/s].

@@ -206,7 +206,7 @@ def steady(problem: Problem, rows: Array, channel: str) -> Iterator[Mismatch]:
 
 
 def by_turn(problem: Problem, rows: Array, channel: str) -> Iterator[Mismatch]:
-    """Left and right turns, where the residual is not the same share of the motion in both."""
+    """Left and right turns with the residual a different share of the motion in each."""
 
     def sides(run: Experiment) -> dict[str, Array]:
         turn = _turn(run)
@@ -321,7 +321,7 @@ CYCLES = 4  # of a window, and the fewest of a part of a run
 def begins_of_cycles(run: Experiment) -> Array:
     """Times (n + 1,) [s] at which the n whole cycles of a sweep's steering begin, and the last one ends.
 
-    They are between upward zero crossings, without the parts where the amplitude is below half.
+    Between upward zero crossings; parts with less than half of the amplitude are left out.
     """
     x = run.steer - np.median(run.steer)
     k = np.flatnonzero((x[:-1] <= 0) & (x[1:] > 0))
@@ -332,7 +332,7 @@ def begins_of_cycles(run: Experiment) -> Array:
 
 
 def by_order(problem: Problem, rows: Array, channel: str) -> Iterator[Mismatch]:
-    """Harmonics from the second on that are above their background, half an order away, in the sweeps."""
+    """Harmonics of the sweeps (second and up) that exceed their background half an order away."""
     size = CYCLES * (HARMONICS + 1)
     power, count, low, high = np.zeros(size), np.zeros(size), np.full(size, np.inf), np.zeros(size)
     for e in residuals_of(problem, rows, channel):
@@ -407,7 +407,7 @@ class _History:
 
 
 def by_time(problem: Problem, rows: Array, channel: str) -> Iterator[Mismatch]:
-    """Parts of a run that differ from other runs at its speed and at the same frequencies."""
+    """Parts of a run that differ from other runs at the same speed and frequencies."""
     sweeps = [_History.of(e) for e in residuals_of(problem, rows, channel) if e.run.kind == "sweep"]
     histories = [h for h in sweeps if h.power.size > 2 * CYCLES]
     for h in histories:
@@ -417,7 +417,7 @@ def by_time(problem: Problem, rows: Array, channel: str) -> Iterator[Mismatch]:
 
 
 def _part(h: _History, excess: Array) -> Iterator[Mismatch]:
-    """The part whose mean excess (n,), ln of the power over the expected one, is most above the rest's."""
+    """The part with the largest mean excess (n,) over the rest; excess: ln of power over expected one."""
     n, e = excess.size, h.residual
     total = np.concatenate(([0.0], np.cumsum(excess - excess.mean())))
     spans = ((i, j) for i in range(n) for j in range(i + CYCLES, min(n, n + i - CYCLES) + 1))

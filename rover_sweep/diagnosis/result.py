@@ -89,9 +89,9 @@ class Finding(PlainNumbers, Shown):
 
     evidence: {name: number}: "gain" (drop of the whitened cost by the effect) and "probability:<id>" of each
     look-alike. held_out: the full model against the refitted model without this effect; with a single
-    finding, against the nominal model. next_run: the run that would decide. form: the law that the data
-    prefer among those of the effect, "" where it has one. probability: that this effect is present and
-    matters, see `posterior.weights`; None where it is not known.
+    finding, against the nominal model. next_run: the run that would decide. form: the effect's law that fits
+    the data best, "" if it has only one. probability: that this effect is present and matters, see
+    `posterior.weights`; None where it is not known.
     """
 
     effect: str
@@ -177,8 +177,8 @@ class Unknown(PlainNumbers):
 
     channel: where it is. depends_on: functions of the state, a condition or a parameter. law: fitted terms,
     "place ~ function + ..."; law_gain: share of the held-out residual above the floor that they predict.
-    place, alternatives: of the first curve. curves: fitted in the model; empty where no law holds on data
-    that did not choose it. could_be, next_run: what it could be and the run that would tell more, in words.
+    place, alternatives: of the first curve. curves: in the model; empty if they fail on held-out data.
+    could_be, next_run: a possible cause and the run that would tell more, in words.
     """
 
     channel: str
@@ -197,10 +197,10 @@ class Unknown(PlainNumbers):
 
 @dataclass(frozen=True)
 class UpperBound(PlainNumbers):
-    """What a parameter of an effect that was not found may still be, at 95 %, in `unit`.
+    """Values, in `unit`, of a parameter of an unfound effect that are possible at 95 %.
 
-    low, high: its range, None where there is no such limit. matters: sizes below it are a normal tolerance,
-    None if any size counts.
+    low, high: its range, None where there is no such limit. matters: smaller sizes are normal tolerance;
+    None: every size counts.
     """
 
     unit: str
@@ -210,7 +210,7 @@ class UpperBound(PlainNumbers):
 
     @property
     def value(self) -> float | None:
-        """The end that is farthest from no effect; of a range of ratios, the one farthest from 1."""
+        """The end farthest from no effect; for ratios, the end farthest from 1."""
         if self.low is None or self.high is None:
             return self.high if self.low is None else self.low
         if self.low > 0.0:
@@ -222,9 +222,9 @@ class UpperBound(PlainNumbers):
 class Unseen(PlainNumbers):
     """An effect that these runs cannot show, or cannot separate from another, and why.
 
-    up_to: {parameter: range that these runs do not exclude}; empty where they exclude nothing. change: of r
-    or a_y in these runs, the larger one, from the normal tolerance of the effect to that bound: rms over rms
-    of the simulated signal, without noise. material: the bound is above the size that matters.
+    up_to: {parameter: range that these runs do not exclude}; empty where they exclude nothing. change: the
+    larger change of r or a_y in these runs, from the effect's normal tolerance to that bound; rms over rms,
+    simulated without noise. material: the bound is above the size that matters.
     """
 
     effect: str
@@ -284,8 +284,8 @@ class Diagnosis(PlainNumbers):
 
     sentence: the answer in one sentence. baseline: the model that was tested. parameters: those of the
     nominal model, refitted with the effects. curves: of the tyres, and where an effect acts. scores:
-    {effect: drop of chi-squared with it alone}. p_none, p_else: probability that nothing which matters is
-    missing, and that something is which has no name.
+    {effect: drop of chi-squared with it alone}. p_none: probability that no effect that matters is missing;
+    p_else: that something unnamed is.
     held_out: nominal and full model on each held-out run. remarks: on the data. seconds: computing time.
     """
 

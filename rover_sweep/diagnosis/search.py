@@ -32,7 +32,7 @@ NO_GAIN = 2.0  # predicted gain below which an effect explains nothing
 
 @dataclass(frozen=True, eq=False)
 class Tangent:
-    """The directions in which a fitted model can move its rows, orthonormal.
+    """Orthonormal directions in which a fitted model can move its rows.
 
     q (rows + k, k) for k coordinates that are inside their bounds: below the `rows` of the data is one
     row for the prior of each coordinate, so that a prior limits the movement.
@@ -60,7 +60,7 @@ def tangent(fitted: Fitted) -> Tangent:
 def score(signature: Array, residual: Array) -> tuple[float, float]:
     """(predicted gain, amount) of a signature (n,) in a residual (n,), both outside of the model's reach.
 
-    0.0 for both where the signature vanishes.
+    (0.0, 0.0) if the signature vanishes.
     """
     power = float(signature @ signature)
     amount = float(signature @ residual) / power if power >= 1e-6 else 0.0
@@ -70,7 +70,7 @@ def score(signature: Array, residual: Array) -> tuple[float, float]:
 def linear_prediction(
     problem: Problem, base: Fitted, space: Tangent, model: Model, effect: Effect
 ) -> tuple[float, dict[str, float]] | None:
-    """(gain predicted by the score test, {coordinate: value} to begin a fit from); None: no gain.
+    """(gain predicted by the score test, {coordinate: start value of a fit}); None: no gain.
 
     space: tangent of the base. The best of several sizes, or instants, counts.
     """
@@ -164,7 +164,7 @@ def screen(problem: Problem, base: Fitted, space: Tangent, model: Model, effect:
 
 
 def fit_from(problem: Problem, base: Fitted, one: Screened) -> Fitted:
-    """The model with the effect, fitted from its linear prediction; from nearer where that went astray."""
+    """The model with the effect, fitted from its linear prediction, or from nearer if that fails."""
 
     known = None if one.effect in DEGREES_OF_FREEDOM else base
     found = fit(problem, one.model, {**base.x, **one.start}, known=known)
@@ -218,7 +218,7 @@ def material_sizes(effect: Effect, spread: Tolerances, wheelbase: float) -> dict
 
 
 def least_size(effect: Effect, parameter: EffectParameter, model: Model, x: Mapping[str, float]) -> float:
-    """The coordinate of a parameter, without sign, from which its effect matters; 0 where every size does.
+    """Magnitude of a parameter's coordinate from which its effect matters; 0: every size does.
 
     x: {coordinate: value}. Lag and delay matter only where both together are above the normal tolerance.
     """
@@ -248,9 +248,9 @@ def is_material(effect: str, model: Model, x: Mapping[str, float]) -> bool:
 
 
 def at_the_end(problem: Problem, fitted: Fitted) -> dict[str, str]:
-    """{number: sentence} of the nominal numbers at the end of their tolerances that fit better beyond.
+    """{number: sentence} of nominal numbers at a limit of their tolerance that fit better outside.
 
-    Beyond: by a tenth of the tolerance or more. Delay and lag come first: instruments before anything else.
+    Outside: by a tenth of the tolerance or more. Delay and lag come first.
     """
     ends = {c.name: c for c, inside in zip(fitted.free, fitted.inside, strict=True) if not inside}
     out = {}
@@ -269,7 +269,7 @@ def at_the_end(problem: Problem, fitted: Fitted) -> dict[str, str]:
             )
             digits = "+.0f" if unit == "%" else ".3g"
             out[name] = (
-                f"{words} is at the end of its normal tolerance ({factor * now:{digits}} {unit}) and fits "
+                f"{words} is at the limit of its tolerance ({factor * now:{digits}} {unit}) and fits "
                 f"better at {factor * better:{digits}} {unit}: measure it"
             )
     return out
@@ -279,7 +279,7 @@ MANY = 3  # numbers outside their tolerances, from which the model is wrong and 
 
 
 def many_at_the_end(ends: Mapping[str, str], places: Sequence[Mismatch]) -> tuple[str, ...]:
-    """What it means that three or more numbers want to leave their tolerances together, () if fewer do.
+    """A remark if three or more numbers fit better outside their tolerances, else ().
 
     places: where the fitted model and the runs differ, the largest first.
     """
@@ -288,8 +288,8 @@ def many_at_the_end(ends: Mapping[str, str], places: Sequence[Mismatch]) -> tupl
     names = ", ".join(MEASURED[name][0] for name in ends)
     rest = f". Its largest residual: {places[0].sentence}" if places else ""
     return (
-        f"the model is wrong: {len(ends)} numbers want to leave their normal tolerances together ({names}). "
-        f"It lacks something else, or the runs and the vehicle file are not of one rover{rest}",
+        f"the model is wrong: {len(ends)} numbers fit better outside their normal tolerances ({names}). "
+        f"Another effect is missing, or runs and vehicle file are of two rovers{rest}",
     )
 
 

@@ -1,4 +1,4 @@
-"""What the answer's model leaves: a channel above the noise or something unnamed, its place and curve."""
+"""The final model's residual: a channel above the noise or something unnamed; place and curve."""
 
 from __future__ import annotations
 
@@ -43,8 +43,8 @@ BLOCK = 8  # lines whose level is one number
 def input_places(problem: Problem, found: Sequence[RunTransfers], residual: Array) -> tuple[str, ...]:
     """The places at which an input explains most of a residual (size,), the best first; () for none.
 
-    problem: without tolerances. Where they explain as much, a sensor is named before the steering, and that
-    before a force. An input explains at least half, and nearly as much as another where it has 93 % of that.
+    problem: without tolerances. Listed are inputs that explain at least half, and 93 % of the best: first
+    sensors, then the steering, then forces.
     """
     blocks = [_blocks(problem, one, run, residual) for run, one in enumerate(found)]
     over, loud = (np.concatenate(parts) for parts in zip(*(b[:2] for b in blocks), strict=True))
@@ -120,7 +120,7 @@ RESONATOR = {"size": 0.2, "damping": 0.7}  # standard deviations of ln frequency
 class FoundLaw:
     """A law that was fitted. alternatives: other places that explain nearly as much.
 
-    name, root: `law_at` gives it at coordinates from `law`, which has y = 0. gain: drop of the cost by it.
+    law: with y = 0; `law_at` adds its coordinates (name, root). gain: drop of the cost by it.
     """
 
     law: TableLaw
@@ -144,7 +144,7 @@ class FoundLaws:
 
     @property
     def share_removed(self) -> float | None:
-        """Share of the held-out residual above the floor that they remove; None where no run can judge it."""
+        """Share of the held-out residual above the floor that they remove; None if no run can tell."""
         judged = [h for h in self.held_out if h.share_left is not None]
         before, after = (
             sum(v - 1.0 for v in vs) for vs in ([h.before for h in judged], [h.after for h in judged])
@@ -153,7 +153,7 @@ class FoundLaws:
 
     @property
     def holds(self) -> bool:
-        """True where they remove enough of the held-out residual and make no run worse."""
+        """True if they remove enough of the held-out residual and make no run worse."""
         share = self.share_removed
         worse = any(h.after > max(h.before, EXPLAINABLE) for h in self.held_out)
         return not worse and (share is None or share >= REMOVED)
@@ -162,9 +162,9 @@ class FoundLaws:
 def find_laws(
     last: ModelFit, held_out: Mapping[str, Problem], known: Sequence[UnnamedFamily] = ()
 ) -> FoundLaws | None:
-    """The families that explain what a model leaves, None where none has evidence.
+    """The families that explain a model's residual, None if none has evidence.
 
-    held_out: {run: its problem}. known: the families of what the model leaves, where they were computed.
+    held_out: {run: its problem}. known: the families of that residual, if already computed.
     """
     metric, plain = last.problem, last.problem.plain
     base = sensitivities(plain, last.closest)
@@ -277,13 +277,13 @@ _NEXT_OVER = {
 
 
 def could_be(law: TableLaw) -> str:
-    """What the law could be, as a noun phrase."""
+    """A possible cause, as a noun phrase."""
     if law.memory == "play":
         return "play, stiction or friction between servo and wheels"
     if law.memory == "resonance":
         if law.place == "steering":
-            return "a linkage that gives"
-        return "a mast of the IMU that sways" if law.place.startswith("sensor") else "a load that swings"
+            return "an elastic linkage"
+        return "a swaying mast of the IMU" if law.place.startswith("sensor") else "a swinging load"
     if law.memory == "lag":
         parts = {"steering": "servo or linkage", "roll moment": "suspension"}
         sensor = law.place.startswith("sensor")
@@ -314,7 +314,7 @@ def over_words(law: TableLaw) -> str:
     """What the law depends on: "r", "the time in the run, times a_y"."""
     what = OVER[law.over][1]
     if law.memory == "lag":
-        what = f"what is new in {what} over {law.size:g} s"
+        what = f"the change of {what} in {law.size:g} s"
     elif law.memory == "play":
         what = f"{what} behind a play"
     return f"{what}, times {FACTORS[law.times][1]}" if law.times else what
@@ -339,7 +339,7 @@ def laws_sentence(
     words = f"{_acts(first, (first.place, *alternatives))}"
     words += "".join(f"; {_acts(law, (law.place,))}" for law in others)
     them, are = ("them", "they are") if others else ("it", "it is")
-    goes = f"of the residual of held-out runs goes with {them}"
+    goes = f"of the held-out residual disappears with {them}"
     if not holds:
         return f"{words}; too little {goes}, so {are} not in the model"
     removed = f"; {100 * min(share, 1.0):.0f} % {goes}" if share else ""
@@ -367,7 +367,7 @@ CHANNELS = {
 
 
 def left_unexplained(found: Inference, named: bool) -> Unknown | None:
-    """The misfit of the final model, None where it is at the noise floor and nothing unnamed is probable.
+    """The misfit of the final model, None if it is at the noise floor and nothing unnamed is probable.
 
     named: effects were found.
     """
@@ -388,7 +388,7 @@ def left_unexplained(found: Inference, named: bool) -> Unknown | None:
 def with_laws_of(
     left: Unknown, last: ModelFit, held_out: Sequence[HeldOutRun], known: Sequence[UnnamedFamily] = ()
 ) -> tuple[Unknown, FoundLaws | None]:
-    """(the unknown with its place and curves, the laws); a sentence says where none holds.
+    """(the unknown with its place and curves, the laws); its sentence says if none holds.
 
     last: the model of the answer. held_out: runs that judge the laws. known: see `find_laws`.
     """

@@ -47,7 +47,7 @@ class Turn:
 
     @property
     def change(self) -> float:
-        """The largest of delay [s], change of r, and half the distance over the length of the turn."""
+        """The largest of delay [s], change of r, and half of (distance over length of the turn)."""
         return max(abs(self.delay), abs(self.rate), 0.5 * self.path / (self.speed * LONGEST))
 
     @property
@@ -57,7 +57,7 @@ class Turn:
 
 
 def turn_with(effect: str, whole: FittedModel, used: Sequence[Experiment]) -> Turn | None:
-    """The turn with and without the effect, None where it changes nothing in it or belongs to one run.
+    """The turn with and without the effect, None if both are equal or it belongs to one run.
 
     used: the runs, for the speed and size of the turn: the largest angle that was driven.
     """
@@ -100,7 +100,7 @@ def _turn(step: Experiment, rest: FittedModel, whole: FittedModel) -> Turn | Non
 
 
 def change_in_runs(effect: str, whole: FittedModel, used: Sequence[Experiment]) -> float:
-    """What the effect changes of r, a_y or p in the runs, the largest: rms over the rms of the signal."""
+    """Largest change of r, a_y or p by the effect in the runs: rms over rms of the signal."""
     law = next((e for e in whole.model.acting if e.id == effect), None)
     if law is None:
         return 0.0
@@ -163,7 +163,7 @@ def _place(moved: dict[str, Array], begin: int, end: int) -> Array:
 
 
 def turn_sentence(turn: Turn | None) -> str:
-    """What an effect does to a turn, in plain figures; "" where it has no part in one."""
+    """The change of a turn by an effect, in plain figures; "" without a turn."""
     if turn is None:
         return ""
     changes = []
@@ -207,11 +207,10 @@ def sentence_of(
     listed: bool = False,
     possible: Mapping[str, float] | None = None,
 ) -> str:
-    """The answer in one sentence, the details are in `left`. first: what must be measured before any name.
+    """The answer in one sentence; details are in `left`. first: what to measure before naming any effect.
 
     listed: effects that are present and do not matter are listed in the remarks. possible: {effect:
-    probability} of those that are not sure enough for a name.
-    The other arguments are those of `verdict_of`.
+    probability} of those too uncertain to name. The other arguments are those of `verdict_of`.
     """
     named = " and ".join(f.sentence.removesuffix(", ") for f in findings)
     rest = ""
@@ -285,8 +284,8 @@ def refuted_words(refuted: tuple[str, float]) -> str:
 def why_it_does_not_matter(absent: bool, turn: Turn | None = None, change: float = 1.0) -> str:
     """Why a probable effect is listed as present and not named, "" where it matters.
 
-    absent: the 90 % intervals of its size hold no effect at all. turn: what it does to one, None where it has
-    no part in it. change: of a channel in the runs, rms over rms.
+    absent: the 90 % intervals of its size include zero. turn: its change of a turn, None if it changes none.
+    change: of a channel in the runs, rms over rms.
     """
     if absent:
         return "the 90 % interval of its size includes zero"
@@ -314,7 +313,7 @@ def importance_words(f: Finding) -> str:
 
 
 def turn_change(found: Diagnosis) -> tuple[float, float] | None:
-    """(later start [s] within 0.4 s, relative change) of the yaw rate by all findings; None without findings.
+    """(delay [s], at most 0.4 s, relative change) of the yaw rate by all findings; None without.
 
     By least squares from the simulated yaw rate of the first run, against the model without them.
     """

@@ -1,8 +1,8 @@
 """The next step of an investigation: settled, used up, or one more run with the reason for it.
 
 The smallest first set is one sweep, which shows most effects, and one doublet, which is held out and confirms
-what the sweep shows. After that every run answers an open question of the diagnosis: the plan says which run
-is expected to tell most about the explanations at hand.
+what the sweep shows. After that every run answers an open question of the diagnosis: the plan selects the run
+with the most information on these explanations.
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ class NextStep:
     """What to do now, and why.
 
     action: "drive" `run`; "settled"; "used up": runs, ground or battery; "open": no run would tell more.
-    reason: a sentence. effects: named by the diagnosis. run: only with "drive". bits: what it is expected to
-    tell about the explanations, which are as probable as `odds` now; None where the plan does not know.
+    reason: a sentence. effects: named by the diagnosis. run: only with "drive". bits: information that it is
+    expected to give on the explanations, now as probable as `odds`; None if unknown.
     """
 
     action: Action
@@ -44,9 +44,9 @@ class NextStep:
 
 @dataclass(frozen=True)
 class Means:
-    """What is left to drive with. choices: the runs that limits and ground allow, empty where none does.
+    """What is left to drive with. choices: the runs that limits and ground allow, may be empty.
 
-    runs_left: number of runs. spent: why nothing more can be driven at all, "" while something can.
+    runs_left: number of runs. spent: why no further run is possible, "" while one is.
     """
 
     choices: tuple[PlannedRun, ...]
@@ -111,7 +111,7 @@ def _of_finding(finding: Finding, found: Diagnosis) -> OpenQuestions:
 
 
 def _of_all(found: Diagnosis) -> OpenQuestions:
-    """Whether all findings together are probable; if not, the least probable one is in question."""
+    """Whether all findings together are probable; if not, tests the least probable one."""
     known = {f.effect: f.probability for f in found.findings if f.probability is not None}
     together = prod(known.values())
     if together >= SURE:
@@ -142,7 +142,7 @@ def _bounds(found: Diagnosis) -> OpenQuestions:
 
 
 def told(before: Odds, found: Diagnosis) -> float:
-    """Information [bit] of the diagnosis on explanations that were as probable as `before`.
+    """Information [bit] that the diagnosis adds to the probabilities `before`.
 
     The divergence of their probabilities now from those before (Lindley 1956). Its mean over all outcomes of
     a run is what the plan expects.
@@ -206,7 +206,7 @@ def _strongest(found: Diagnosis) -> list[str]:
 CHECK = 0.6  # amplitude of the doublet over that of the sweep
 SAME = 0.12  # relative; amplitudes and speeds that differ less count as equal
 Ranking = Callable[[Odds], Sequence[RunValue]]
-"""The choices that are worth their drive for these odds, the best first."""
+"""The choices that are worth driving for these odds, the best first."""
 
 
 def first_run(driven: Sequence[PlannedRun], first: PlannedRun, means: Means) -> NextStep | None:
@@ -223,7 +223,7 @@ def first_run(driven: Sequence[PlannedRun], first: PlannedRun, means: Means) -> 
 
 
 def check(shown: Sequence[PlannedRun]) -> PlannedRun:
-    """The doublet that confirms what these runs show, at the speed of the largest."""
+    """A doublet to confirm what these runs show, at the speed of the largest one."""
     top = max(shown, key=lambda run: run.amplitude_us)
     return PlannedRun("doublet", 10.0 * round(CHECK * top.amplitude_us / 10.0), round(top.speed, 1))
 
@@ -265,7 +265,7 @@ def next_step(found: Diagnosis, driven: Sequence[PlannedRun], means: Means, rank
 
 
 def used_up(means: Means) -> str:
-    """Why no run can be driven, "" while one can."""
+    """Why no run can be driven, "" if one can."""
     if means.spent:
         return means.spent
     if means.runs_left <= 0:

@@ -115,7 +115,7 @@ LEAST = 1.15  # ratio of masses from which the rest is scaled
 
 
 def as_measured_size(rover: PlantParameters, vehicle: Vehicle) -> dict[str, float]:
-    """Mass, sprung mass, height and inertias that a vehicle file gives; those that it lacks in proportion."""
+    """Mass, sprung mass, height and inertias of a vehicle file; missing ones are scaled."""
     given = {n: v.value for n in _SIZES if (v := getattr(vehicle, n)) is not None}
     mass = given.get("mass", rover.mass)
     ratio = mass / rover.mass
@@ -132,7 +132,7 @@ def as_measured_size(rover: PlantParameters, vehicle: Vehicle) -> dict[str, floa
 
 
 def grown(rover: PlantParameters, size: dict[str, float]) -> PlantParameters:
-    """The rover at that size, unchanged where its mass hardly differs."""
+    """The rover at that size, unchanged if its mass hardly differs."""
     ratio = size["mass"] / rover.mass
     if 1 / LEAST < ratio < LEAST:
         return rover

@@ -131,8 +131,8 @@ PROFILE = 1.92  # drop of the log likelihood at the end of a 95 % interval
 
 @dataclass(frozen=True, eq=False)
 class Shape:
-    """A course in time (n,), 0 before and 1 at the end. at: index of the first day after a step, of the last
-    day before a ramp begins, or of the odd day."""
+    """Values by day (n,), 0 before and 1 at the end. at: index of the first day after a step, of the last day
+    before a ramp begins, or of the odd day."""
 
     kind: Literal["step", "gradual", "day"]
     at: int
@@ -142,7 +142,7 @@ class Shape:
 @dataclass(frozen=True, eq=False)
 class FoundChange:
     """A quantity's change. size: along its direction, with standard deviation sd. ratio: size/sd when it was
-    added. possible: `at` of all shapes of its kind within the 95 % interval. look_alikes: others."""
+    added. possible: `at` of all such shapes in the 95 % interval. look_alikes: other quantities."""
 
     quantity: int
     shape: Shape
@@ -155,7 +155,7 @@ class FoundChange:
 
 @dataclass(frozen=True, eq=False)
 class VehicleTests:
-    """What is tested on one vehicle. times (n,): days as numbers; quantities with directions (k, q)."""
+    """The tests of one vehicle. times (n,): days as numbers; quantities with directions (k, q)."""
 
     days: Days
     times: Array
@@ -201,7 +201,7 @@ def changes_of(vehicle: VehicleTests, tests: int) -> tuple[tuple[FoundChange, ..
 
 
 def _next(vehicle: VehicleTests, terms: Sequence[Term], tests: int) -> FoundChange | None:
-    """The most likely further change, None where none is significant."""
+    """The most likely further change, None if none is significant."""
     gains = _gains(vehicle, explained(vehicle.days, terms, vehicle.days.usual))  # (shapes, quantities)
     most = gains.max(axis=0)
     best = np.argsort(-most, kind="stable")[:TRIED]

@@ -112,7 +112,7 @@ def _value(q: Comparable, coordinates: Sequence[Coordinate], x: Array) -> tuple[
 def tracked(
     days: Sequence[str], coordinates: Sequence[Coordinate], tests: VehicleTests, last: Explained
 ) -> tuple[TrackedQuantity, ...]:
-    """Each quantity on each day, the other coordinates as the season shows them on that day."""
+    """Each quantity on each day, with the season's values of the other coordinates."""
     out = []
     for k, q in enumerate(tests.quantities):
         b = tests.directions[:, k]

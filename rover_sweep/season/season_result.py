@@ -44,7 +44,7 @@ class Drift:
     latest: its 95 % interval (days of logs). before, after: the quantity (at the end of the season where
     gradual), None for a board. low, high: 90 % interval of after minus before, or of after/before where
     `relative`. ratio: change over its standard deviation. matters: False where within tolerance.
-    cause: event at the same time that explains it, "" for none. parameters: changes at that time.
+    cause: simultaneous event that explains it, "" for none. parameters: changes at that time.
     """
 
     vehicle: str
@@ -69,7 +69,7 @@ class Drift:
 
     @property
     def counts(self) -> bool:
-        """False for what is within tolerance, on one day only, or caused by another change."""
+        """False for a drift within tolerance, on one day only, or caused by another change."""
         return self.matters and not self.cause and self.kind != "day"
 
 
@@ -77,8 +77,8 @@ class Drift:
 class DayValue:
     """A quantity on one day, with a 90 % interval of its difference from the vehicle's other days.
 
-    The interval includes the usual scatter from day to day and leaves out what is wrong on every day alike.
-    fitted: value at that day of the course that the season shows.
+    The interval includes the usual scatter from day to day, but not errors common to all days. fitted: value
+    of the season's fitted course on that day.
     """
 
     day: str
@@ -124,7 +124,7 @@ class Season:
 
     @property
     def drifts(self) -> tuple[Drift, ...]:
-        """Those of all vehicles that matter and that no other event explains."""
+        """Drifts of all vehicles that matter and have no other cause."""
         return tuple(d for v in self.vehicles for d in v.drifts if d.counts)
 
 
@@ -163,7 +163,7 @@ SEASON = Tolerances(
     together=0.20,
     bend=1.5,
 )
-"""Wide where a rover changes, near the vehicle file elsewhere, so that the fits of all days are close."""
+"""Wide for numbers that change, else near the vehicle file, so that the fits of all days are close."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -267,12 +267,12 @@ class VehicleDay:
 
     @property
     def parameters(self) -> Mapping[str, float]:
-        """Those of the last log of the day."""
+        """From the last log of the day."""
         return self.logs[-1].parameters
 
     @property
     def board(self) -> str:
-        """That of the last log of the day, "" if not logged."""
+        """From the last log of the day, "" if not logged."""
         return self.logs[-1].board
 
 
@@ -294,7 +294,7 @@ def folder_of(source: str) -> str:
 
 
 def _swapped(logs: Sequence[MeasuredLog]) -> dict[tuple[str, str], str]:
-    """{(folder, board): name of the vehicle} of folders in which boards follow each other."""
+    """{(folder, board): name of the vehicle} of folders in which a board replaced another."""
     spans: dict[str, dict[str, tuple[str, str]]] = defaultdict(dict)
     for log in logs:
         if log.board and not log.vehicle:
@@ -362,7 +362,7 @@ def within(changes: Sequence[ParameterChange], first: str, last: str) -> tuple[P
 
 
 def event_drifts(vehicle: str, days: Sequence[VehicleDay], changes: Sequence[ParameterChange]) -> list[Drift]:
-    """Each other board, and each changed parameter that acts on signals or steering."""
+    """Each board swap, and each changed parameter that acts on signals or steering."""
     out = []
     for one, two in pairwise(days):
         at, day = tuple(c for c in changes if c.day_after == two.day), (two.day,) * 3

@@ -61,7 +61,7 @@ def tics_of(practice: Practice, check: str) -> dict[str, float]:
 
 
 def printed_tics(check: str) -> dict[str, float]:
-    """The same of Tables 6 and 7."""
+    """TIC of Tables 6 and 7."""
     return {m: published.VERIFICATION[check][m].tic for m in MODELS}
 
 
@@ -104,7 +104,7 @@ def nominal(study: Study) -> StudyFinding:
 
 
 def _why_ahead(study: Study, best: str) -> str:
-    """The channel in which the roll-yaw model is worse, and whether its tied tyres are the reason."""
+    """The channel in which the roll-yaw model is worse, and whether its equal Cf and Cr cause it."""
     mine, other = (study.known.check(m, "asphalt") for m in ("roll-yaw", best))
     there = {o.channel: o for o in other.overlays}
     pairs = [(o, there[o.channel]) for o in mine.overlays if o.channel in there]
@@ -171,7 +171,7 @@ def fast(study: Study) -> StudyFinding:
 
 
 def _why_lost(study: Study) -> str:
-    """Whether V_x in the kinematic term alone is the cause, by doing the same to the roll-yaw model."""
+    """Whether V_x in the kinematic term alone is the cause, tested on the roll-yaw model."""
     frozen = number(study.counterfactuals.frozen.tic, 2)
     whole = number(study.known.check("roll-yaw", "fast").tic, 2)
     if study.counterfactuals.frozen.tic <= 1.5 * study.known.check("roll-yaw", "fast").tic:
@@ -237,7 +237,7 @@ def _inertias(practice: Practice, true: float) -> str:
 
 
 def _why_inertia(study: Study, true: float) -> str:
-    """The effect of V_y' on the roll-yaw model's Izz: without it, and with the estimator's lag removed."""
+    """The effect of V_y' on the roll-yaw model's Izz: fits without V_y', and without its lag."""
     known, default = (study.practices[k].fit("roll-yaw")["Izz"] for k in ("known", "default"))
     prompt = study.counterfactuals.prompt["Izz"].value / true - 1
     now = known.value / true - 1
@@ -295,14 +295,14 @@ def delays(study: Study) -> StudyFinding:
     )
     near = (abs(ours[m] / printed[m] - 1) <= 0.25 for m in names)
     claim = (
-        "The models need an equivalent delay of 71 to 88 ms (Tables 2 to 4), which it attributes to "
-        "higher-order dynamics that are not modelled."
+        "The models need an equivalent delay of 71 to 88 ms (Tables 2 to 4), attributed to unmodelled "
+        "higher-order dynamics."
     )
     return StudyFinding("delays", claim, agreement(*near), text)
 
 
 def _gyro_words(study: Study, known: float) -> str:
-    """The gyro filter's part alone."""
+    """The part of the gyro filter."""
     firmware = study.runs.firmware
     gyro, accelerometer = (
         sqrt(2) / (2 * pi * hz) for hz in (firmware.gyro_filter_hz, firmware.accel_filter_hz)

@@ -146,8 +146,8 @@ AFTER = 4.0  # s of straight driving after the manoeuvre
 
 @dataclass(frozen=True)
 class Firmware:
-    """ArduRover's rates and low-passes [Hz]: SCHED_LOOP_RATE, INS_GYRO_FILTER, INS_ACCEL_FILTER, as "
-    "shipped."""
+    """ArduRover's rates and low-passes [Hz]: SCHED_LOOP_RATE, INS_GYRO_FILTER, INS_ACCEL_FILTER, as
+    shipped."""
 
     loop_hz: int = 50
     gyro_filter_hz: float = 4.0

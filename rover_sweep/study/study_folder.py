@@ -78,7 +78,7 @@ VERIFIED = {"asphalt": "figure-7", "grass": "figure-8a", "fast": "figure-8b"}
 
 
 def figures(study: Study) -> Iterator[ChartPlan]:
-    """The figures in the paper's order and units, made later; the fits are those made as in the paper."""
+    """The figures in the paper's order and units, drawn later; fits are made as in the paper."""
     caption = "Figure 2: the sweep and the motion of the rover."
     yield ChartPlan("figure-2", caption, partial(run_chart, study.runs.sweeps[0]))
     seen = replace(

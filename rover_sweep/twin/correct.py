@@ -1,7 +1,7 @@
 """Corrects the numbers and effects of a simulated rover by the differences that a comparison found.
 
-A correction is relative to what the simulation has: a new number is the old one plus (or times) what
-separates recordings and simulation in the common model. So a bias of that model cancels.
+A correction is relative to the simulation: a new number is the old one plus (or times) the change from
+simulation to recordings in the common model. So a bias of that model cancels.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ NOT_IN_THE_PLANT = {
 
 @dataclass(frozen=True)
 class Corrected:
-    """The rover after a correction; left: sentences on differences that it cannot have."""
+    """The rover after a correction; left: sentences on uncorrectable differences."""
 
     parameters: PlantParameters
     corrections: tuple[Correction, ...]
@@ -76,7 +76,7 @@ def corrected(rover: PlantParameters, found: Comparison, model: AugmentedModel) 
 
 
 def halved(before: PlantParameters, by: Corrected) -> Corrected:
-    """Half of each correction; effects that were added or removed are so in whole."""
+    """Half of each correction; added or removed effects are not halved."""
     after = by.parameters
     changed: Changes = {
         name: _between(one, two)
@@ -128,7 +128,7 @@ def _entries(before: PlantParameters, after: PlantParameters, d: Difference) -> 
 
 
 def _in_plant(name: str, value: object, d: Difference) -> str:
-    """The recordings' value in the simulated rover's terms: the corrected one with the interval's width.
+    """The recordings' value in the simulated rover's unit: the corrected one, with its interval.
 
     "" where the entry is not the quantity itself.
     """
@@ -161,7 +161,7 @@ def _entry_text(entry: Entry | None) -> str:
 def _change(rover: PlantParameters, d: Difference) -> float:
     """The change in the rover's own unit, or the factor.
 
-    How much of a tyre's bend shows depends on how far it was driven: it changes by the ratio of what shows.
+    The fitted bend of a tyre depends on the slip that was driven, so it is corrected by a ratio.
     """
     one, two = d.simulation[0], d.recordings[0]
     if d.name == "tyre_bend" and one.low is not None and one.low > 0.0:
@@ -192,7 +192,7 @@ def _trim(rover: PlantParameters, shift: float) -> Changes:
 
 
 def _bend(rover: PlantParameters, shift: float) -> Changes:
-    """The friction whose tyres bend by so much more."""
+    """The friction for `shift` more bend."""
     return {"friction": _friction(BEND_ALIKE / rover.friction**2 + shift)}
 
 
@@ -254,14 +254,14 @@ def _with_effect(rover: PlantParameters, d: Difference, model: AugmentedModel) -
 
 
 def _as_said(d: Difference) -> Entry:
-    """The effect as the comparison found it; empty where the simulated rover has it in another unit."""
+    """The effect as the comparison found it; empty if the simulated rover uses another unit."""
     if d.name in OTHER_UNITS or any(v.name not in PARAMETERS[d.name] for v in d.recordings):
         return {}
     return {v.name: v.value for v in d.recordings if abs(v.value) < ABSENT}
 
 
 def _resized(entry: Entry, d: Difference) -> Entry:
-    """The entry with each parameter moved by what separates recordings and simulation."""
+    """The entry with each parameter moved by its difference to the recordings."""
     forms = {p.name: p.form for p in library()[d.name].parameters}
     out = dict(entry)
     for one, two in zip(d.simulation, d.recordings, strict=True):

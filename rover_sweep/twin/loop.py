@@ -54,14 +54,14 @@ BY_MASS = {
 }
 RATIOS = (
     "driving shows stiffness, inertia, spring and damping only relative to the mass: with a wrong mass in "
-    "the vehicle file, simulation and recordings agree as well, and all these numbers are wrong by its share"
+    "the vehicle file, simulation and recordings still agree, but all these numbers are wrong by that share"
 )
 
 Columns = Mapping[str, Any] | str | None
 
 
 def with_measured(rover: PlantParameters, vehicle: Vehicle) -> tuple[PlantParameters, tuple[Correction, ...]]:
-    """(the rover with the numbers of a vehicle file, what that changed); the rest grows with its size."""
+    """(the rover with the numbers of a vehicle file, the changes); other numbers scale with size."""
     scaled = grown(rover, as_measured_size(rover, vehicle))
     new = as_measured(scaled, vehicle)
     changed = [f.name for f in fields(new) if getattr(rover, f.name) != getattr(new, f.name)]
@@ -108,7 +108,7 @@ class RecordedDrive:
 def recorded_drives(sources: Sequence[str], columns: Columns = None) -> tuple[RecordedDrive, ...]:
     """The drives in all logs. columns: the map of a .csv.
 
-    UsageError where a source is no log, DataRefused where one has no steering output, gyro or speed.
+    UsageError if a source is no log, DataRefused if one has no steering output, gyro or speed.
     """
     for source in sources:
         if Path(source).is_dir():
@@ -130,7 +130,7 @@ def simulated_drives(
 ) -> tuple[str, ...]:
     """Paths of the recordings of a rover that repeats each drive, on the clock of its log.
 
-    simulator: "plant", "embedded" or "ardurover". UsageError where the rover overturns, LinkError where the
+    simulator: "plant", "embedded" or "ardurover". UsageError if the rover overturns, LinkError if the
     simulated rover does not drive it.
     """
     folder.mkdir(parents=True, exist_ok=True)
@@ -212,7 +212,7 @@ Say = Callable[[str], None]
 
 @dataclass(frozen=True, eq=False)
 class _Driven:
-    """One drive: the rover, what was corrected to get it, and its comparison."""
+    """One drive: the rover, the corrections before it, and its comparison."""
 
     rover: PlantParameters
     by: Corrected
@@ -239,7 +239,7 @@ def twin_of(
     say: Say = lambda words: None,
     stop: Callable[[], bool] = lambda: False,
 ) -> tuple[Twin, PlantParameters]:
-    """(the twin, its rover). Only runs that are not held out decide what is corrected and what is kept.
+    """(the twin, its rover). Held-out runs do not decide what is corrected or kept.
 
     A correction that does not help, or with which the rover cannot be driven, is halved first.
 
@@ -293,7 +293,7 @@ def with_last_drive(
 ) -> Twin:
     """The twin with one more drive of its rover on another simulator, which decides whether it agrees.
 
-    Where that drive fails or cannot be compared, the twin with a remark that says why.
+    If that drive fails or cannot be compared, a remark says why.
     """
     try:
         last = _compared(rover, model, drive, compare).answer
@@ -306,7 +306,7 @@ def with_last_drive(
 
 
 def _to_correct(found: Comparison) -> bool:
-    """True where a difference matters that the rover can have, or the runs still differ for small ones."""
+    """True if a correctable difference matters, or runs still differ because of small ones."""
     if any(d.name not in NOT_IN_THE_PLANT for d in found.differences):
         return True
     return bool(found.minor) and any(a.overall > AGREE for a in found.agreement if not a.held_out)

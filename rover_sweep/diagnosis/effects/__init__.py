@@ -1,4 +1,4 @@
-"""The library of left-out effects: each is an entry of `LAWS` in the file of its place."""
+"""The library of left-out effects; each module of this package lists its own in `LAWS`."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def library() -> dict[str, Effect]:
 
 
 def form_named(name: str) -> Effect:
-    """The law of a name: an id, or "<id>/<form>"; KeyError where there is none."""
+    """The law with this name, "<id>" or "<id>/<form>"; else KeyError."""
     return every_form()[name]
 
 

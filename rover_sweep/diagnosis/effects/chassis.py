@@ -62,7 +62,7 @@ LAWS = (
                 0.35,
                 -1.6,
                 1.6,
-                "Cf/Cr, the geometric mean kept",
+                "Cf/Cr at fixed geometric mean",
                 form="ratio",
                 matters=0.15,
                 nominal="ln_ratio",
@@ -155,7 +155,7 @@ LAWS = (
         source="viscous friction at the contact: F goes with the sliding speed V alpha, so that k = -1",
         parameters=(P("k", "-", 0.3, -1.5, 1.5, "exponent of 1/V, both axles", tolerance=0.03),),
         apart="a change of ground happens at one time; this happens again at each speed",
-        next_run="the same sweep at half the speed, and the first one again after it",
+        next_run="the same sweep at half the speed, then the first sweep again",
         act=lambda m, q: m["V"] ** -q["k"],
         baselines=("roll-yaw", "bicycle"),
     ),
@@ -293,7 +293,7 @@ LAWS = (
 
 
 def _by_heading(motion: Motion, cosine: float, sine: float) -> Array:
-    """What turns with the heading (n,), from its two components."""
+    """Left component (n,) of a vector fixed to the ground."""
     return cosine * np.cos(motion["psi"]) + sine * np.sin(motion["psi"])
 
 
@@ -310,7 +310,7 @@ def blown(motion: Motion, q: Values, mass: float) -> Force:
 
 
 def polar(cosine: float, sine: float, size: tuple[str, str, str], largest: str) -> Reported:
-    """What was fitted by two components, for a user. size: (name, unit, meaning) of its size."""
+    """Two fitted components as size and heading. size: (name, unit, meaning) of the size."""
     name, *words = size
     heading = f"heading, left positive from north, of the largest {largest}"
     return {
@@ -356,7 +356,7 @@ SURROUNDINGS = (
         {
             "form": "all along",
             "in_one_run": False,
-            "title": "the ground or the tyres change all along",
+            "title": "the ground or the tyres change steadily",
             "equation": "ln C grows by ln ratio in 300 s",
             "source": "tyres that warm up",
             "parameters": (_RATIO,),

@@ -1,7 +1,7 @@
 """The contract of every left-out effect: its texts, its parameters, and when it is a finding.
 
-An effect is a family of laws, its forms, which share its id. The kinds of effect in `kinds` add where it acts
-in the simulation, and how.
+An effect is a family of laws, its forms, which share its id. The subclasses of `Effect` say where it acts in
+the simulation, and how.
 
 A parameter has a physical value and a coordinate, which the fit moves; the coordinate 0 means absent. They
 are equal except for two forms: `inverse` (a rate limit, a cut-off) has the coordinate 1/value, and `ratio`
@@ -30,9 +30,9 @@ class EffectParameter:
     tolerance: standard deviation over normal rovers.
     matters: an effect below this size is within normal tolerance; None: twice the tolerance.
     doubt: standard deviation that no data of this kind can reduce.
-    nominal: the coordinate of the nominal model that is this parameter; "" if the effect adds its own.
+    nominal: name of this parameter in the nominal model; "" if the effect adds its own coordinate.
     per: nominal coordinate per unit of the value.
-    grows_with: what of the rover its unit makes it grow with; the numbers are for 0.5 m or 3 N m of it.
+    grows_with: quantity of the rover that scales the numbers; they hold for 0.5 m or 3 N m.
     """
 
     name: str
@@ -70,7 +70,7 @@ class EffectParameter:
 
 @dataclass(frozen=True, kw_only=True)
 class Effect:
-    """A left-out effect, one law of it.
+    """One law of a left-out effect.
 
     id: name in files and on the command line. title, equation: for reports, in the field's symbols, SI
     units, ISO axes. source: a reference. apart: how it differs from
@@ -78,8 +78,8 @@ class Effect:
     baselines: the models that can lack it. channels: at least one of these must be recorded.
     signed: both signs of the parameters are possible.
     releases: {nominal coordinate: (low, high)} that the effect frees beyond the normal tolerance.
-    report_values: ({parameter: value}) -> what a user reads, where that differs from the fitted parameters.
-    form: name of this law among those of the family, "" where there is only one. first: of the family.
+    report_values: ({parameter: value}) -> values for a user, if they differ from the fitted ones.
+    form: name of this law in its family, "" if it is the only one. first: it is the first one.
     in_one_run: it happens in one run at an instant, the parameter `t`.
     """
 
@@ -101,11 +101,11 @@ class Effect:
 
     @property
     def name(self) -> str:
-        """The id, and for a further form "<id>/<form>"."""
+        """The id, or "<id>/<form>" of a further form."""
         return self.id if self.first else f"{self.id}/{self.form}"
 
     def sized(self, growth: Mapping[str, float]) -> Effect:
-        """This law with the sizes of a larger rover. growth: {what it grows with: factor}."""
+        """This law with the sizes of a larger rover. growth: {`grows_with`: factor}."""
         sized = tuple(p.times(growth.get(p.grows_with, 1.0)) for p in self.parameters)
         return self if sized == self.parameters else replace(self, parameters=sized)
 
@@ -114,7 +114,7 @@ class Effect:
         return f"{self.id}.{parameter}"
 
     def coordinate_name(self, parameter: EffectParameter) -> str:
-        """Name of the parameter's coordinate in the whole model: a nominal one, or one that is added."""
+        """Name of the parameter's coordinate in the whole model, a nominal or an added one."""
         return parameter.nominal or self.key(parameter.name)
 
     def coordinates(self, x: Values) -> dict[str, float]:
@@ -126,7 +126,7 @@ class Effect:
         return {p.name: p.value(x.get(self.coordinate_name(p), 0.0) / p.per) for p in self.parameters}
 
     def reported(self, x: Values) -> Reported:
-        """What a user reads: {name: (value, unit, convention)}."""
+        """Values for a user: {name: (value, unit, convention)}."""
         found = self.values(x)
         if self.report_values:
             return self.report_values(found)
@@ -171,7 +171,7 @@ Force = tuple[Any, Any, Any]  # side force [N], yaw moment, roll moment [N m]; e
 
 
 class NominalEffect(Effect):
-    """Frees coordinates that the nominal model has anyway, and adds no term."""
+    """Frees coordinates of the nominal model; adds no term."""
 
 
 class DegreeOfFreedom(Effect):
@@ -193,14 +193,14 @@ class SteeringEffect(Effect):
 class KernelEffect(Effect):
     """Acts inside a compiled loop of `simulation.simulator`.
 
-    fills: {parameter: number of the loop}. sets: {number of the loop: constant} that selects the form.
+    fills: {parameter: argument of the loop}. sets: {argument: constant} that selects the form.
     """
 
     fills: Mapping[str, str]
     sets: Mapping[str, float] = field(default_factory=dict)
 
     def numbers(self, x: Values) -> dict[str, float]:
-        """{number of the loop: value} at the coordinates x of the whole model."""
+        """{argument of the loop: value} at coordinates x of the whole model."""
         found = self.coordinates(x).items()
         return {**self.sets, **{self.fills[name]: value for name, value in found if name in self.fills}}
 
@@ -227,9 +227,9 @@ class ForceEffect(Effect):
 
 @dataclass(frozen=True, kw_only=True)
 class StateForceEffect(Effect):
-    """Adds forces that depend on the motion that they cause.
+    """Adds forces that depend on the simulated motion.
 
-    law: (q) -> law. push: side force, yaw moment and roll moment for 1 of it.
+    law: (q) -> law. push: side force, yaw and roll moment per unit of it.
     """
 
     law: Callable[[Values], Any]
@@ -240,8 +240,8 @@ class StateForceEffect(Effect):
 class GripEffect(Effect):
     """Scales the stiffness of both axles. act: ({"t", "V", "driven"}, q) -> factor (n,).
 
-    driven (n,): time driven until then in all runs [s]. later: (q) -> factor in the runs driven after the one
-    in which it happens; None: 1.
+    driven (n,): time driven until then in all runs [s]. later: (q) -> factor in the runs after the one in
+    which it happens; None: 1.
     """
 
     act: Callable[[Motion, Values], Array]

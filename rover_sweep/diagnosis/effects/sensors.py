@@ -1,4 +1,4 @@
-"""Effects of the instruments: the place, tilt, scale, filter and clock of each channel.
+"""Effects of the instruments: position, tilt, scale, filter and clock of each channel.
 
 r, p: yaw and roll rate [rad/s]. a_x, a_y: acceleration along and across [m/s^2]. s in a filter: j w.
 """
@@ -45,7 +45,7 @@ def scaled(out: Mapping[str, Array], motion: Motion, q: Values) -> Mapping[str, 
 
 
 def late_velocity(out: Mapping[str, Array], motion: Motion, q: Values) -> Mapping[str, Array]:
-    """V_y {channel: (n,)} of the velocity that was T ago, in the body axes of now."""
+    """V_y {channel: (n,)} from the velocity T ago, in the present body axes."""
     if "vy" not in out or q["T"] <= 0.0:
         return out
     t = motion["t"]
@@ -76,7 +76,7 @@ LAWS = (
     NominalEffect(
         id="clock_offset",
         title="clocks of steering and motion disagree",
-        equation="u(t - T), the vehicle has no part in it",
+        equation="u(t - T), not a delay of the vehicle",
         source="definition of a time offset",
         parameters=(
             P(

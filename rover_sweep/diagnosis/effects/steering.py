@@ -1,4 +1,4 @@
-"""Effects between the commanded and the true angle of the front wheels: servo, linkage and their numbers.
+"""Effects between the commanded and the true angle of the front wheels: servo and linkage.
 
 In the equations u is the angle before a part and d the one behind it [rad], left positive. Angles at rest or
 in a gap are road-wheel angles. In the functions, q holds the parameters by name.
@@ -54,9 +54,9 @@ def hysteresis(u: Array, half_gap: float) -> Array:
 
 @njit(cache=True, nogil=True)
 def jumps(u: Array, band: float) -> Array:
-    """The angle (n,) that is held until the command u (n,) is more than the band away, then taken from u.
+    """Angle (n,): held until the command u (n,) is more than the band away, then set to u.
 
-    The mean over bands around this one: when it jumps hangs on the last digits of u, its mean does not.
+    Mean over bands near this one: the instant of a jump depends on the last digits of u, the mean does not.
     """
     d = np.zeros(u.size)
     for part in range(BANDS):
@@ -70,9 +70,9 @@ def jumps(u: Array, band: float) -> Array:
 
 @njit(cache=True, nogil=True)
 def sticks(u: Array, band: float) -> Array:
-    """The angle (n,) that is held until u (n,) is more than the band away, then follows it to its turn.
+    """Angle (n,): held until u (n,) is more than the band away, then follows u until u reverses.
 
-    The mean over bands around this one, as in `jumps`.
+    Mean over bands near this one, as in `jumps`.
     """
     d = np.zeros(u.size)
     for part in range(BANDS):
@@ -235,7 +235,7 @@ LAWS = (
             parameters=(
                 P("s", "rad", 0.012, 0.0, 0.15, "largest error at rest, road-wheel angle", tolerance=0.0015),
             ),
-            apart="goes all the way once it moves; with a backlash or a deadband a part stays lost",
+            apart="reaches the command once it moves; with a backlash or a deadband, it does not",
             next_run="rover on blocks: a slow ramp, angle of the wheel over command",
             act=lambda u, q: jumps(u, q["s"]) if q["s"] > 0 else u,
             signed=False,

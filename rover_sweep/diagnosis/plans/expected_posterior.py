@@ -1,7 +1,7 @@
 """The probabilities that a diagnosis of planned runs is expected to give, from Gram matrices alone.
 
-To first order the rows of a set of runs are y = J h + T n + S a + e: nominal coordinates, what every rover
-has, and the amounts a of an effect. Everything that `posterior.weights` weighs then follows from the scores
+To first order the rows of a set of runs are y = J h + T n + S a + e: nominal coordinates h, tolerances n,
+amounts a of an effect, noise e. Everything that `posterior.weights` weighs then follows from the scores
 s = (J, T, S)^T y and the Gram matrix K of the columns. An explanation frees its own columns; its cost is the
 minimum over h, n and a, within the tolerances of h:
 
@@ -14,9 +14,9 @@ which they count. Hence
 
     information = sum over truths E of p(E) mean of log[P(E | y)/p(E)]
 
-is the mutual information of explanation and data, what an experiment tells about which model is right
-(Box and Hill 1967, Technometrics 9(1); Chaloner and Verdinelli 1995, Statist. Sci. 10(3)). An added run
-cannot lower it. Explanations are single effects; a further one has the prior odds `FURTHER`.
+is the mutual information of explanation and data: what an experiment reveals about the right model (Box and
+Hill 1967, Technometrics 9(1); Chaloner and Verdinelli 1995, Statist. Sci. 10(3)). An added run cannot lower
+it. Explanations are single effects; a further one has the prior odds `FURTHER`.
 """
 
 from __future__ import annotations
@@ -64,10 +64,10 @@ NONE, OTHER = "", "something else"
 
 @dataclass(frozen=True, eq=False)
 class RunSet:
-    """Runs together. k columns: nominal coordinates with bounds, and effects; the others are eliminated.
+    """A set of runs. k columns: nominal coordinates with bounds, and effects; others are eliminated.
 
-    keys: of the columns, with the run of an effect that happens in one. gram (k + 1, k + 1), noise
-    (draws, k + 1): scores of noise and tolerances; the last one is empty.
+    keys: of the columns, with the run of an effect in one run. gram (k + 1, k + 1), noise (draws, k + 1):
+    scores of noise and tolerances; the last column is 0.
     """
 
     given: Assumed
@@ -77,7 +77,7 @@ class RunSet:
 
     @staticmethod
     def of(given: Assumed, runs: Sequence[RunEvidence]) -> RunSet:
-        """The set of these runs, each as often as it is driven."""
+        """The set of these runs; list a repeated run repeatedly."""
         alone = {e for e, effect in given.effects.items() if effect.in_one_run}
         named = [[(*key, n if key[0] in alone else 0) for key in run.keys] for n, run in enumerate(runs)]
         keys = sorted({key for each in named for key in each})
@@ -104,7 +104,7 @@ class RunSet:
         return RunSet(given, tuple(keys[k] for k in kept), np.pad(left, (0, 1)), np.pad(scores, end))
 
     def truth(self, effect: str, amount: float) -> Array:
-        """The amounts (k + 1,) where an effect has this amount, over its reach, beyond the tolerances."""
+        """Amounts (k + 1,) of all columns if the effect has this amount, in units of its reach."""
         out = np.zeros(len(self.keys) + 1)
         if effect == NONE:
             return out
@@ -119,7 +119,7 @@ class RunSet:
 
     @cached_property
     def explanations(self) -> list[tuple[str, list[int]]]:
-        """(effect, its columns), of an effect in one run for each run; (NONE, no columns) first."""
+        """(effect, its columns), one per run for an effect in one run; (NONE, no columns) first."""
         found: dict[tuple[str, int], list[int]] = {(NONE, 0): []}
         for k, (effect, _, run) in enumerate(self.keys):
             if effect != "nominal":
@@ -160,7 +160,7 @@ class RunSet:
 
 @dataclass(frozen=True)
 class SimilarPair:
-    """An effect that is not separated; expected probability of the second one where the first is true."""
+    """A pair that is not separated; expected probability of the second if the first is true."""
 
     first: str
     second: str
@@ -187,7 +187,7 @@ class Expected:
 
     @property
     def shares(self) -> list[dict[str, float]]:
-        """{label: its expected probability} for each truth."""
+        """For each truth {label: expected probability}."""
         mean = np.mean(self.probabilities, axis=2)
         return [dict(zip(self.labels, p.tolist(), strict=True)) for p in mean]
 
@@ -203,7 +203,7 @@ class Expected:
 
     @property
     def look_alikes(self) -> tuple[SimilarPair, ...]:
-        """The effects that are not, with those that share their probability, the largest first."""
+        """Effects not separated, each with those that share its probability, largest first."""
         named = (NONE, *self.separated)
         pairs = [
             SimilarPair(e, other, p)
@@ -224,9 +224,9 @@ class Expected:
 
 
 def expected(runs: RunSet, effects: Sequence[str], amounts: Sequence[float] | None = None) -> Expected:
-    """The weights of all explanations where each effect, or NONE, is the truth.
+    """The weights of all explanations when each effect, or NONE, is true.
 
-    amounts: of the effects, over their reach; None for the reach of each.
+    amounts: of the effects, in units of their reach; None: 1 for each.
     """
     batch, names = runs.batch, [name for name, _ in runs.explanations]
     truths = zip(effects, amounts or [1.0] * len(effects), strict=True)
@@ -335,15 +335,15 @@ ANGLE_BAND = (0.05, 8.0)  # Hz
 ANGLE_SCALE, ANGLE_CLOCK = 0.03, 0.005  # standard deviations of the relative scale, and of the offset [s]
 
 Key = tuple[str, str]
-"""Of a column: ("nominal", coordinate), ("usual", what every rover has) or (effect, parameter)."""
+"""Of a column: ("nominal", coordinate), ("usual", tolerance) or (effect, parameter)."""
 
 
 @dataclass(frozen=True)
 class Reach:
-    """How far a signature reaches, in its coordinate.
+    """Range of an effect's coordinate.
 
-    start: where a nominal coordinate ends, or the effect is absent. distance: from there, with its sign. end:
-    of the effect's range.
+    start: end of the nominal tolerance, or 0 (absent). distance: signed, from start to the effect's size.
+    end: the effect's bound.
     """
 
     start: float
@@ -352,13 +352,13 @@ class Reach:
 
     @property
     def most(self) -> float:
-        """The largest multiple of the distance."""
+        """Largest multiple of the distance."""
         return (self.end - self.start) / self.distance
 
 
 @dataclass(frozen=True, eq=False)
 class RunEvidence:
-    """keys: of the k columns. gram (k, k): their inner products; root (k, k): its square root, of noise."""
+    """keys: of the k columns. gram (k, k): their inner products; root (k, k): its square root."""
 
     keys: tuple[Key, ...]
     gram: Array
@@ -367,7 +367,7 @@ class RunEvidence:
 
 @dataclass(frozen=True, eq=False)
 class Basis:
-    """A run's columns without effects: rows (size, k) by their keys, own (size, m) of this run alone."""
+    """A run's columns without effects: rows (size, k) named by keys; own (size, m): of this run only."""
 
     problem: Problem
     base: Fitted
@@ -378,7 +378,7 @@ class Basis:
 
 @dataclass(frozen=True, eq=False)
 class Assumed:
-    """What a plan assumes: the noise floor, and the rover in which effects are looked for.
+    """Assumptions of a plan: the noise floor, and the rover that may have the effects.
 
     effects: by their ids. x: {coordinate: value} of the nominal model. reach: of the effects' signatures.
     """
@@ -390,11 +390,11 @@ class Assumed:
     reach: Mapping[Key, Reach]
 
     def first(self, effect: str) -> EffectParameter:
-        """The first parameter of an effect that has a size, by which it is judged."""
+        """The effect's first parameter with a size; the effect is judged by it."""
         return next(p for p in self.effects[effect].parameters if (effect, p.name) in self.reach)
 
     def sized(self, sizes: Mapping[str, float]) -> Assumed:
-        """The same with other sizes {effect: multiple of its own}."""
+        """A copy with other sizes {effect: multiple of its own}."""
         far = {k: replace(r, distance=sizes.get(k[0], 1.0) * r.distance) for k, r in self.reach.items()}
         return replace(self, reach=far)
 
@@ -410,7 +410,7 @@ class OnBlocks(Problem):
 
 
 def assumed(driven: Sequence[Experiment], model: Model, effects: Sequence[Effect]) -> Assumed:
-    """The noise floor and the model fitted to the recordings, of a small rover where there are none."""
+    """Noise floor and model fitted to the recordings; without recordings, those of a small rover."""
     x = {c.name: float(np.clip(c.start + TYPICAL.get(c.name, 0.0), c.low, c.high)) for c in model.free}
     floor = Floor(np.array(NOISE["Hz"]), {c: np.array(d) for c, d in NOISE.items() if c != "Hz"})
     if moving := [run for run in driven if run.kind != "servo_test"]:
@@ -424,7 +424,7 @@ def assumed(driven: Sequence[Experiment], model: Model, effects: Sequence[Effect
 
 
 def _reach(model: Model, effect: Effect, p: EffectParameter) -> Reach:
-    """To a parameter at its own size, beyond the tolerance of its nominal coordinate."""
+    """The reach of a parameter, from its nominal tolerance to its own size."""
     bounds = {c.name: c for c in model.free}
     if p.nominal and p.nominal not in bounds:
         return Reach(0.0, 0.0, 0.0)
@@ -463,7 +463,7 @@ def basis(run: Experiment, given: Assumed) -> Basis:
 
 
 def evidence(run: Basis, given: Assumed) -> RunEvidence:
-    """The columns of a run with the signatures of effects as far as they reach."""
+    """The columns of a run, with the signatures of effects at their reach."""
     found: list[Signature] = []
     for effect, p in ((e, q) for e in given.effects.values() for q in e.parameters):
         if one := given.reach.get((effect.id, p.name)):  # two effects may move the same nominal coordinate

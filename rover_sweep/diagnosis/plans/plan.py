@@ -37,10 +37,10 @@ PASSES = 8  # bisections, of a range of sizes of 256: to 2 %
 
 
 def detectable(planner: Planner, runs: Sequence[PlannedRun]) -> dict[str, DetectableSize]:
-    """{asked effect: detectable size of its first parameter}, of those that some size shows in these runs.
+    """{asked effect: detectable size of its first parameter}, without undetectable effects.
 
-    By bisection of the size's logarithm, since the signatures of limits grow faster than the size: the runs
-    are simulated with each effect at the size that is tried.
+    By bisection of the logarithm of the size. The runs are simulated at each size, since the signature of a
+    limit grows faster than the size.
     """
     given = planner.assumed
     low = dict.fromkeys(planner.asked, 1.0 / 16.0)
@@ -58,7 +58,7 @@ def detectable(planner: Planner, runs: Sequence[PlannedRun]) -> dict[str, Detect
 
 
 def _shown(given: Assumed, effect: str, times: float) -> DetectableSize:
-    """The size as a user reads it; times: over the reach."""
+    """The size for a user; times: in units of the reach."""
     law, p = given.effects[effect], given.first(effect)
     reach, least = given.reach[effect, p.name], least_size(law, p, given.model, given.x)
     way = 1.0 if reach.distance > 0.0 else -1.0
@@ -120,7 +120,7 @@ def plan(
 
 
 def _chosen(planner: Planner, now: tuple[PlannedRun, ...], limits: Limits) -> tuple[PlannedRun, ...]:
-    """The runs to add: each time the one with the most information, while it is worth its drive."""
+    """Adds the run with the most information, one by one, while it is worth driving."""
     chosen: list[PlannedRun] = []
     result, done = planner.evaluate(now) if now else None, 0.1
     while result is None or len(result.separated) < len(planner.asked):
@@ -161,7 +161,7 @@ def _tells(run: PlannedRun, before: Expected | None, after: Expected) -> str:
 
 
 def in_words(names: Sequence[str], last: str = "and") -> str:
-    """The names as part of a sentence, those beyond `NAMED` as a number."""
+    """The first `NAMED` names as part of a sentence, and how many more."""
     shown = [*names[:NAMED], *([f"{len(names) - NAMED} more"] if len(names) > NAMED else [])]
     return f"{', '.join(shown[:-1])} {last} {shown[-1]}" if len(shown) > 1 else "".join(shown)
 
@@ -187,10 +187,10 @@ Odds = Mapping[str, float]
 
 @dataclass(frozen=True)
 class RunValue:
-    """What one more run is expected to tell.
+    """The expected value of one more run.
 
-    bits: information on the open explanations. settles: effects that it is expected to make sure, if they are
-    the truth.
+    bits: information on the open explanations. settles: effects that it is expected to confirm if they are
+    present.
     """
 
     run: PlannedRun
@@ -206,9 +206,9 @@ def effects_of(odds: Odds) -> tuple[str, ...]:
 def run_values(
     planner: Planner, driven: Sequence[PlannedRun], choices: Sequence[PlannedRun], odds: Odds
 ) -> tuple[RunValue, ...]:
-    """The choices that are worth their drive, the best first.
+    """The choices that are worth driving, the best first.
 
-    Each effect is taken at the size at which the driven runs are expected to leave it as probable as it is.
+    Each effect has the size for which the driven runs are expected to give its present probability.
     """
     truths = [e for e, p in odds.items() if e in {NONE, *planner.asked} and p > 0.0]
     if len(truths) < 2:
@@ -228,7 +228,7 @@ def run_values(
 
 
 def _amount(runs: RunSet, effect: str, probability: float) -> float:
-    """The least amount of an effect, over its reach, with this expected probability, or the largest one."""
+    """Least amount of an effect, in units of its reach, with this expected probability; at most its end."""
     if effect == NONE:
         return 0.0
     tried = np.geomspace(1.0 / 16.0, 4.0, 13)

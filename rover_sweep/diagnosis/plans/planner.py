@@ -1,4 +1,4 @@
-"""Runs of a plan, each simulated once, and what a diagnosis of sets of them is expected to tell."""
+"""Simulates each run of a plan once, and predicts what a diagnosis of sets of runs finds."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ class PlannedRun:
 class Limits:
     """Limits of proposed runs: lateral acceleration [m/s^2], peak steering offset [us], speeds [m/s].
 
-    why: the origin of the lateral acceleration, for a sentence.
+    why: source of the lateral acceleration, for a sentence.
     """
 
     ay: float
@@ -120,7 +120,7 @@ NAMES = {
 
 
 def manoeuvre_for(run: PlannedRun) -> Sweep | Doublet | Multisine:
-    """The manoeuvre that the applet drives; a sweep for a run of another kind."""
+    """The manoeuvre for the applet; a sweep if it cannot drive that kind."""
     if run.kind == "doublet":
         return Doublet(run.amplitude_us)
     if run.kind == "multisine":
@@ -177,7 +177,7 @@ def largest_amplitude(speed: float, ay: float, rover: Geometry, rad_per_us: floa
 
 
 def allowed(run: PlannedRun, rover: Geometry, rad_per_us: float, limits: Limits) -> bool:
-    """True within the limits of rover and applet."""
+    """True if rover and applet allow the run."""
     if run.amplitude_us + abs(run.bias_us) > limits.amplitude_us or run.amplitude_us < 20.0:
         return False
     if run.kind == "servo_test":
@@ -187,7 +187,7 @@ def allowed(run: PlannedRun, rover: Geometry, rad_per_us: float, limits: Limits)
 
 
 def usual_run(rover: Geometry, rad_per_us: float, limits: Limits) -> PlannedRun:
-    """The largest sweep at the usual speed, or at a lower one where that would be small."""
+    """The largest sweep at the usual speed, or at a lower speed if it would be small."""
     most, speed = largest_amplitude(USUAL_SPEED, limits.ay, rover, rad_per_us), USUAL_SPEED
     while most < 60.0 and speed > limits.speed[0] * 1.2:
         speed = round(0.8 * speed, 1)
@@ -248,7 +248,7 @@ class Planner:
 
     @cached_property
     def model(self) -> Model:
-        """The baseline with the most physics that the vehicle file has the numbers for."""
+        """The most complete baseline for which the vehicle file has the numbers."""
         clocks = any(run.two_clocks for run in self.driven.values())
         return Model(
             "roll-yaw" if has_roll(self.rover) else "bicycle", self.rover, self.spread, two_clocks=clocks
@@ -262,12 +262,12 @@ class Planner:
 
     @cached_property
     def assumed(self) -> Assumed:
-        """The noise, and the rover in which effects are looked for."""
+        """The assumed noise floor and rover."""
         return assumed(list(self.driven.values()), self.model, self.effects)
 
     @property
     def asked(self) -> list[str]:
-        """Ids of the effects that the plan is about."""
+        """Ids of the effects to plan for."""
         return [e.id for e in self.effects if not self.wanted or e.id in self.wanted]
 
     def experiment(self, run: PlannedRun) -> Experiment:
@@ -278,7 +278,7 @@ class Planner:
         return as_experiment(run, self.rover, self.rad_per_us, channels)
 
     def held(self, run: PlannedRun, ay: float) -> PlannedRun:
-        """The run, with an amplitude at which the simulated rover stays below this lateral acceleration.
+        """The run with its amplitude reduced until the simulated lateral acceleration is below `ay`.
 
         An oversteering rover turns more than its kinematics.
         """
@@ -290,16 +290,16 @@ class Planner:
         return run if share == 1.0 else replace(run, amplitude_us=10.0 * (share * run.amplitude_us // 10.0))
 
     def simulate(self, runs: Sequence[PlannedRun], share: tuple[float, float]) -> None:
-        """Simulates the runs that are new; share: of the whole work, before and after."""
+        """Simulates the new runs; share: done of the whole work, before and after."""
         new = [r for r in dict.fromkeys(_single(run) for run in runs) if r not in self._evidence]
         for k, run in enumerate(new):
             self.progress(f"simulating: {run_text(run)}", share[0] + (share[1] - share[0]) * k / len(new))
             self._evidence[run] = evidence(basis(self.experiment(run), self.assumed), self.assumed)
 
     def together(self, runs: Sequence[PlannedRun], sizes: Mapping[str, float] | None = None) -> RunSet:
-        """The set of these runs, each as often as it is repeated.
+        """The set of these runs with their repetitions.
 
-        sizes: {effect: multiple of its own size}, with which the runs are simulated anew.
+        sizes: {effect: multiple of its own size}; the runs are then simulated again.
         """
         self.simulate(runs, (0.0, 0.0))
         given, found = self.assumed, {run: self._evidence[run] for run in map(_single, runs)}
@@ -311,7 +311,7 @@ class Planner:
         return RunSet.of(given, [found[_single(run)] for run in runs for _ in range(run.repeat)])
 
     def evaluate(self, runs: Sequence[PlannedRun]) -> Expected:
-        """What a diagnosis of these runs is expected to tell about the asked effects, each at its size."""
+        """Expected result of a diagnosis of these runs for the asked effects, each at its size."""
         return expected(self.together(runs), [NONE, *self.asked])
 
     def unseen(self, runs: Sequence[PlannedRun], hidden: Sequence[str]) -> tuple[Unseen, ...]:

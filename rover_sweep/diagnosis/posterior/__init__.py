@@ -1,1 +1,1 @@
-"""Probabilities of explanations: sets of effects, none, and something that has no name."""
+"""Probabilities of explanations: sets of effects, no effect, and something unnamed."""

@@ -1,8 +1,8 @@
-"""Explanations of what a baseline leaves: sets of effects, each fitted in one and the same problem.
+"""Explanations of a baseline's residual: sets of effects, all fitted in the same problem.
 
-A beam search. To the best explanations so far each effect is added: its linear prediction (a score test, see
-`problem.least_squares`) chooses what is fitted in the full simulation. All explanations are fitted in one
-metric with one noise floor, so that their costs can be compared.
+A beam search. Each effect is added to the best explanations so far; its linear prediction (a score test, see
+`search`) decides whether it is fitted in the full simulation. All explanations are fitted in one metric with
+one noise floor, so that their costs can be compared.
 """
 
 from __future__ import annotations
@@ -52,13 +52,13 @@ def explored(
     unnamed: Callable[[Problem, Fitted], float],
     progress: Progress = lambda what, share: None,
 ) -> tuple[Problem, Fitted, list[Fitted]]:
-    """(problem, explanation that its metric was made at, the explanations that were found).
+    """(problem, explanation at which its metric was made, all explanations found).
 
     first: without effects, fitted to the problem, whose metric was made at it. The smallest cost comes first.
-    nearer(explanation): the problem in the metric made there, and `first` in it; it is asked where `first` is
-    far off and the best single effect is not. unnamed(problem, explanation): ln of the weight of something
-    without a name in what `first` leaves; where that is far above the best single effect, no further one is
-    tried. Where the problem's stop is true, those found so far. progress(activity, share of all the work).
+    nearer(explanation): the problem in the metric made there, and `first` in it; called if `first` is far off
+    and the best single effect is not. unnamed(problem, explanation): ln weight of something unnamed in the
+    residual of `first`; if it is far above the best single effect, no further one is tried. If the problem's
+    stop is true, the search ends early. progress(activity, share of all the work).
     """
     pool: dict[frozenset[str], Fitted] = {first.effects: first}
     level, alone, made_at = [first], dict[str, Fitted](), first
@@ -114,7 +114,7 @@ def _part_of(problem: Problem, whole: Fitted, effects: frozenset[str]) -> Fitted
 
 
 def _comes_near(base: Fitted, best: Fitted) -> bool:
-    """True where an explanation leaves a small part of what a base that is far off leaves."""
+    """True if a base is far off and an explanation leaves little of its residual."""
     return base.overdispersion >= FAR_OFF * best.overdispersion
 
 
@@ -143,7 +143,7 @@ def _next_level(
 
 
 def refitted(problem: Problem, one: Fitted) -> Fitted:
-    """The explanation fitted on with its own Jacobian, in the best form of each of its effects."""
+    """The explanation fitted further with its own Jacobian and each effect's best form."""
     best, settled = _converged(problem, one), DEGREES_OF_FREEDOM | one.model.given
     for law in [one.model.law(e) for e in one.model.effects]:
         for other in one.model.laws(law.id):
@@ -162,7 +162,7 @@ def refitted(problem: Problem, one: Fitted) -> Fitted:
 
 
 def _same_size(law: Effect, other: Effect, x: Mapping[str, float]) -> dict[str, float]:
-    """{coordinate: value} of another form at the size that this one has; its own size where they differ."""
+    """{coordinate: value} of another form at this one's size, or its own if parameters differ."""
     values = law.values(x)
     return {
         other.coordinate_name(p): p.per * (p.coordinate(values[p.name]) if p.name in values else p.size)
@@ -185,7 +185,7 @@ def _converged(problem: Problem, one: Fitted) -> Fitted:
 def _moved(problem: Problem, first: Fitted, one: Fitted) -> Fitted:
     """A single effect in another metric. first: without effects, there.
 
-    Where its old numbers lead to a worse fit than none, those of `first` with its size are the start.
+    If its old numbers give a worse fit than no effect, start from `first` with its size.
     """
     there = _converged(problem, one)
     if there.cost < first.cost:
@@ -262,8 +262,7 @@ def _starts_anywhere(model: Model) -> bool:
 
 
 def _from_start(problem: Problem, model: Model) -> Fitted:
-    """A model fitted from the start values and its last effect's own size; without the metric, the way is
-    shorter."""
+    """A model fitted from the start values and its last effect's own size; fewer steps without the metric."""
     law = model.law(model.effects[-1])
     start = model.start | {law.coordinate_name(p): p.size * p.per for p in law.parameters}
     return _converged(problem, fit(problem.plain, model, start))

@@ -52,10 +52,10 @@ class Options:
 
 @dataclass(frozen=True, eq=False)
 class Named:
-    """An effect of the answer. law: in its form. probability: that it is present and matters.
+    """An effect of the answer. law: its form. probability: that it is present and matters.
 
-    alternatives: {effect: probability} of those that share the evidence, where no single one is sure.
-    gain: drop of the cost by it, the other effects kept.
+    alternatives: {effect: probability} of those that share the evidence, if none alone is sure. gain: drop of
+    the cost by it when the other effects are kept.
     """
 
     law: Effect
@@ -69,8 +69,8 @@ class Inference:
     """none: the baseline alone; last: the model of the answer, in the same metric.
 
     named: its effects that are answers. minor: its effects that are present and do not matter.
-    families: without a name, in what `last` leaves, () where they are not known. gains: {effect: drop of the
-    cost with it alone}.
+    families: unnamed, in the residual of `last`, () if not known. gains: {effect: drop of the cost with it
+    alone}.
     """
 
     none: ModelFit
@@ -85,10 +85,10 @@ class Inference:
 
 @dataclass(frozen=True, eq=False)
 class Explored:
-    """The explanations of some runs with all that weighs them. pool, evidence: in the same order.
+    """The explanations of some runs and their evidence. pool, evidence: in the same order.
 
-    gains: {effect: drop of the cost with it alone}, of the effects that were fitted, also of those whose fit
-    was not worth going on.
+    gains: {effect: drop of the cost with it alone}, of all fitted effects, also those whose fit was not
+    continued.
     """
 
     none: ModelFit
@@ -97,7 +97,7 @@ class Explored:
     evidence: tuple[ExplanationEvidence, ...]
     held: tuple[Problem, ...]
     families: Mapping[frozenset[str], tuple[UnnamedFamily, ...]] = field(default_factory=dict)
-    """Without a name, in what the explanation with these effects leaves; the largest evidence first."""
+    """Unnamed, in the residual of the explanation with these effects; largest evidence first."""
     others: tuple[SomethingElse, ...] = ()
 
     @property
@@ -122,7 +122,7 @@ def explore(
     options: Options,
     held: Sequence[Experiment] = (),
 ) -> Explored:
-    """The explanations of what a model leaves; the arguments are those of `infer`."""
+    """The explanations of a model's residual; the arguments are those of `infer`."""
     options.progress("fitting the model", 0.0)
     model = replace(model, given=frozenset(model.ids))
     none = model_fit(runs, model, start, options.only, options.without)
@@ -152,7 +152,7 @@ def explore(
     found = Explored(none, pool, {e: max(gain, 0.0) for e, gain in alone.items()}, evidence, judged)
     if options.stop():
         return found
-    options.progress("looking for what has no name", 0.88)
+    options.progress("testing unnamed causes", 0.88)
     variance = coarsened(evidence)
     for ids in (frozenset[str](), found.posterior.weighed[0].effects):
         if ids not in tried:
@@ -168,10 +168,10 @@ def infer(
     options: Options,
     held: Sequence[Experiment] = (),
 ) -> Inference:
-    """The probabilities of all explanations of what a model leaves, and the answer.
+    """The probabilities of all explanations of a model's residual, and the answer.
 
     start: {coordinate: value} to begin the first fit from. held: runs to which nothing is fitted; they weigh
-    the explanations. Where options.stop is true it ends with what was found so far.
+    the explanations. If options.stop is true it ends with the results so far.
     """
     found = explore(runs, model, start, options, held)
     weighed, none = found.posterior, found.none
@@ -191,12 +191,12 @@ def infer(
 
 
 def _families(problem: Problem, e: Fitted, variance: float) -> tuple[UnnamedFamily, ...]:
-    """The families in what an explanation leaves, the largest evidence first."""
+    """The families in an explanation's residual, the largest evidence first."""
     return tuple(sorted(families(problem, e), key=lambda f: -f.evidence(variance)))
 
 
 def _something_else(found: Explored, effects: frozenset[str]) -> SomethingElse:
-    """The families with the largest evidence in what an explanation leaves, and what held-out runs say."""
+    """The families with the most evidence in an explanation's residual, and their held-out costs."""
     likely = found.families[effects][:LIKELY]
     changes = np.zeros(len(likely))
     for run in found.held:
@@ -206,7 +206,7 @@ def _something_else(found: Explored, effects: frozenset[str]) -> SomethingElse:
 
 
 def _held_out(run: Experiment, none: ModelFit, made_at: Fitted) -> Problem:
-    """A held-out run as a problem in the metric of what every rover has."""
+    """A held-out run as a problem in the metric of the tolerances."""
     floor = scaled_floor(run, none.problem.floor, none.closest)
     return in_metric_of(with_floor([run], floor), made_at)
 
@@ -287,8 +287,8 @@ def without_refuted(found: Inference, held: Sequence[Experiment]) -> Judged:
     """(the inference without refuted names, held-out runs, {name: model without it}, {refuted: probability}).
 
     An effect is refuted where the held-out runs together are predicted worse with it than by the other
-    effects refitted, beyond the noise. What it explains in the runs has another cause, so the explanations
-    with it count as something else. The worst one goes first, as the others may be right without it.
+    effects refitted, beyond the noise. The residual that it explains has another cause, so explanations with
+    it count as something else. The worst one is removed first, as the others may be right then.
     """
     refuted: dict[str, float] = {}
     while True:

@@ -1,4 +1,4 @@
-"""A model fitted to runs in the metric of what every rover has, with its noise floor."""
+"""A model fitted to runs in the metric of the tolerances, with its noise floor."""
 
 from __future__ import annotations
 
@@ -88,7 +88,7 @@ def added_rows(problem: Problem, found: Sequence[RunTransfers], place: str, spec
 
 
 def tapered_spectrum(run: Experiment, s: Array) -> Any:
-    """Spectrum of a tapered signal s (n,). The taper is slow, so that it may act before the response."""
+    """Spectrum of a tapered signal s (n,). The taper is slow, so it may come before the response."""
     return rfft((s * run.taper).astype(np.float32))
 
 
@@ -185,12 +185,12 @@ KNOTS = 0.04 * 2.0 ** np.arange(9)  # Hz, an octave apart, from below the sweeps
 
 
 def structural_error(problem: Problem, fitted: Fitted) -> list[Signature]:
-    """Its signatures at one standard deviation, of a problem without metric and the model fitted to it."""
+    """Signatures of the model's structural error, one standard deviation. problem: without metric."""
     return [*errors_of_coefficients(problem, fitted), *errors_of_responses(problem, fitted)]
 
 
 def errors_of_coefficients(problem: Problem, fitted: Fitted) -> Iterator[Signature]:
-    """Of coefficients that a model with slipping tyres has, and no measurement decides."""
+    """Signatures of the tyre-slip coefficients that no measurement determines."""
     model, x = fitted.model, fitted.x
     if model.lumped or not model.slip:
         return
@@ -207,7 +207,7 @@ def errors_of_coefficients(problem: Problem, fitted: Fitted) -> Iterator[Signatu
 
 
 def errors_of_responses(problem: Problem, fitted: Fitted) -> list[Signature]:
-    """Of gain and phase in each octave of each channel."""
+    """Gain and phase errors by octave and channel."""
     modelled = problem.plain_models(fitted.model, [fitted.x])[0]
     out = []
     for channel in dict.fromkeys(r.channel for r in problem.rows):
@@ -252,7 +252,7 @@ class ModelFit:
 
     @property
     def model(self) -> Model:
-        """What was fitted."""
+        """The model."""
         return self.fitted.model
 
     @property
@@ -282,7 +282,7 @@ def model_fit(
 
 
 def in_metric_of(plain: Problem, fitted: Fitted) -> Problem:
-    """The problem in the metric of what every rover has: tolerances, errors of speed and structure."""
+    """The problem in the metric of tolerances, speed errors and structural errors."""
     effects = possible(fitted.model, plain.runs)[0]
     given, plain = plain, plain.steadied(fitted.model, fitted.x)
     known = signatures(plain, fitted, effects, tolerances=True)
@@ -301,7 +301,7 @@ def fit_with_floor(
 ) -> tuple[Problem, Fitted]:
     """The model fitted with the noise floor of its own residual.
 
-    start: {coordinate: value}. near: it comes from an earlier fit, so one pass is enough.
+    start: {coordinate: value}. near: start is an earlier fit, so one pass is enough.
     """
     x = {**model.start, **start}
     for _ in range(1 if near else 2):

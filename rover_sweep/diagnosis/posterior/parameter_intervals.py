@@ -41,7 +41,7 @@ FEWEST = 4  # lines of an octave that form a group
 
 
 def draw_coordinates(last: ModelFit, seed: int) -> list[dict[str, float]]:
-    """`DRAWS` coordinates {name: value} from the Gaussian at the fit, cut off at the bounds."""
+    """`DRAWS` sets {name: value} from the Gaussian at the fit, truncated at the bounds."""
     fitted = last.fitted
     scale = np.array([c.scale for c in fitted.free])
     centre = np.array([fitted.x[c.name] for c in fitted.free])
@@ -53,10 +53,11 @@ def draw_coordinates(last: ModelFit, seed: int) -> list[dict[str, float]]:
 
 
 def between_bounds(covariance: Array, low: Array, high: Array, seed: int) -> Array:
-    """`DRAWS` changes (n, k) from a Gaussian about 0 between bounds (k,), which hold 0.
+    """`DRAWS` changes (n, k) from a Gaussian about 0 between bounds (k,), which include 0.
 
-    Gibbs sampling along the axes of the covariance, since the bound of one coordinate is a bound of another
-    that takes its place, and along each coordinate, since in a corner of the bounds no other way may be free.
+    Gibbs sampling along the axes of the covariance, since the bound of a coordinate also limits those
+    correlated with it, and along each coordinate, since a corner of the bounds may block all other
+    directions.
     """
     values, axes = np.linalg.eigh(covariance)
     values = np.maximum(values, 1e-12)
@@ -119,7 +120,7 @@ def effect_values(effect: Effect, last: ModelFit, drawn: list[dict[str, float]])
 
 
 def holds_absence(effect: Effect, drawn: list[dict[str, float]]) -> bool:
-    """True where the 90 % interval of each size of the effect holds its absent value."""
+    """True if the 90 % interval of each size of the effect includes its absence."""
     names = [effect.coordinate_name(p) for p in effect.parameters if p.name != "t"]
     doubtful = _with_doubt(effect, drawn)
     ends = [np.percentile([x.get(name, 0.0) for x in doubtful], LEVEL) for name in names]
@@ -162,7 +163,7 @@ def _interval(
 
 
 def shown_end(x: float) -> float | None:
-    """An end of an interval, None where it is not limited."""
+    """An end of an interval, None if it is unlimited."""
     return float(x) if np.isfinite(x) and abs(x) < UNBOUNDED else None
 
 
@@ -188,7 +189,7 @@ TOLD = {
 def fitted_baseline(
     runs: Sequence[Recording], rover: Geometry, baseline: Baseline, spread: Tolerances
 ) -> ModelFit | None:
-    """The baseline fitted to sweeps, without effects; None where they are too short for a noise floor."""
+    """The baseline fitted to sweeps, without effects; None if they are too short for a noise floor."""
     used = in_order([experiment(run) for run in runs])
     if not has_floor(used):
         return None
@@ -212,7 +213,7 @@ def rover_numbers(last: ModelFit, seed: int) -> tuple[Quantity, ...]:
 
 
 def _with_free_axles(last: ModelFit) -> ModelFit:
-    """The fit with a Gaussian for ln(Cf/Cr), whose bounds are for a search: they cut the numbers off."""
+    """The fit with a Gaussian for ln(Cf/Cr) instead of the search bounds, which truncate it."""
     ratio, spread = "ln_ratio", last.model.spread.ratio
     free = tuple(
         replace(c, low=-WIDE * spread, high=WIDE * spread, prior=spread)

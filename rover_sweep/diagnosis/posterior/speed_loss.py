@@ -1,14 +1,14 @@
-"""Speed that cornering costs in addition to the drag of the turned wheels, from the measured speed.
+"""Speed lost in corners, beyond the drag of the turned wheels, from the measured speed.
 
     V' = (V_set - V)/tau - Ff sin(d)/m + v r - D a_y^2
 
 Every rover has the first three terms; Ff sin(d) and v r come from the fitted model. D is the finding.
 
 For each lag tau of a grid, the speed minus its own drag is regressed on the response to a_y^2. A constant,
-the decay of the initial speed, and gravity along the heading on sloping ground are nuisances; the own drag
-is known to `UNSURE`. The noise of a measured speed is slow, so the rows are whitened by an
-autoregression of the residual, estimated three times in turn with D (Cochrane and Orcutt 1949). The
-probability that turns cost speed has the weight of one effect against none, as in `posterior.weights`.
+the decay of the initial speed, and gravity along the heading on sloping ground are nuisances; own drag has
+the error `UNSURE`. The noise of a measured speed is slow, so the rows are whitened by an autoregression of
+the residual, estimated three times in turn with D (Cochrane and Orcutt 1949). The probability that turns cost
+speed has the weight of one effect against none, as in `posterior.weights`.
 
 The finding is kept where held-out runs, driven at the speed that it predicts, confirm it.
 
@@ -76,7 +76,7 @@ class SpeedLoss:
 
     @property
     def found(self) -> bool:
-        """True where it is sure, and D above its material size."""
+        """True if it is sure and D exceeds its material size."""
         effect = library()[ID]
         return self.probability >= SURE and effect.exceeds({effect.key("D"): self.loss}, effect.thresholds)
 
@@ -174,7 +174,7 @@ def _result(
     noise: float,
     seed: int,
 ) -> SpeedLoss:
-    """The loss at the best lag, with its probability and the interval over all lags that are possible."""
+    """The loss at the best lag, its probability, and its interval over all possible lags."""
     costs = np.array([f.cost for f in fits])
     best = int(np.argmin(costs))
     loss, lag, without = fits[best].loss, float(LAGS[best]), min(f.without for f in fits)
@@ -251,14 +251,14 @@ def speed_finding(found: SpeedLoss, whole: FittedModel, unused: Sequence[HeldOut
 def earned(found: Finding) -> bool:
     """False where held-out runs judge the loss, and it removes less than 5 % of the speed's error on average.
 
-    A loss that is not there removed 0.3 %. A run whose speed is at the noise without it speaks against it.
+    An absent loss removed 0.3 %. A run that is at the noise without the loss counts against it.
     """
     shares = [h.share_removed or 0.0 for h in found.held_out]
     return not shares or sum(shares) / len(shares) > 0.05
 
 
 def unknown_loss(found: SpeedLoss) -> Unknown:
-    """The same loss as an unknown, where the effect is not among the candidates."""
+    """The same loss as an unknown, if the effect is not a candidate."""
     return Unknown(
         "V",
         "a_y",

@@ -1,6 +1,6 @@
 """Evidence for something without a name: a curve over one quantity, or a resonance, at one place.
 
-A family has the columns S (rows, k), what its curve's points add to the whitened rows, and the prior
+A family has the columns S (rows, k), which its points add to the whitened rows, and the prior
 c ~ N(0, lambda^2 K), K^-1 the penalty on second differences. The log of the marginal likelihood over that
 without the family, with the nominal coordinates refitted (P), is
 
@@ -8,8 +8,8 @@ without the family, with the nominal coordinates refitted (P), is
     with A = S^T P S/v, b = S^T P r/v
 
 with K = L L^T and lambda where it is largest (type-II maximum likelihood: MacKay 1992, Tipping 2001). A
-resonance of a hidden state (a load that swings, a mast that sways, a linkage that gives) has two columns at
-each frequency, the resonator's displacement and its velocity; their shares are the coupling and its phase.
+resonance of a hidden state (a swinging load, a swaying mast, an elastic linkage) has two columns at each
+frequency, the resonator's displacement and its velocity; their shares are the coupling and its phase.
 """
 
 from __future__ import annotations
@@ -83,7 +83,7 @@ _REMEMBERING = {
 
 
 def groups(found: Sequence[RunTransfers]) -> Iterator[TableLaw]:
-    """The candidates that can act in these runs, with their points and y = 0."""
+    """The laws that can act in these runs, with their points and y = 0."""
     for place in found[0].responses:
         for over in _OVER[place]:
             yield from _over_range(TableLaw(place, over, (), ()), found)
@@ -113,12 +113,12 @@ def abscissa(law: TableLaw, t: RunTransfers) -> Array:
 
 
 def signal_of(law: TableLaw, t: RunTransfers) -> Array | None:
-    """The signal (n,) of the sensor at which the law acts, None elsewhere."""
+    """Signal (n,) of the sensor that the law acts on, else None."""
     return t.signals[law.place.split()[-1]] if law.place.startswith("sensor of ") else None
 
 
 def unit_spectra(law: TableLaw, found: Sequence[RunTransfers]) -> list[list[Any]]:
-    """For each coefficient of the law the spectra, one for each run, of what 1 of it adds."""
+    """For each coefficient of the law: spectra of its unit change, one per run."""
     out = []
     for k in range(len(law.x)):
         one = replace(law, y=tuple(float(j == k) for j in range(len(law.x))))
@@ -172,7 +172,7 @@ def answer_curves(last: ModelFit, drawn: Sequence[Mapping[str, float]]) -> tuple
 
 
 def _curve(place: str, over: tuple[str, str], unit: str, at: Array, drawn: Sequence[Array]) -> LawCurve:
-    """The law at the fit, the first of `drawn`, with its band over the others."""
+    """The law at the fit (`drawn[0]`), with a band from the other draws."""
     values = np.array(drawn)
     low, high = np.percentile(values[1:], LEVEL, axis=0) if len(values) > 1 else (values[0], values[0])
     low, high = np.minimum(low, values[0]), np.maximum(high, values[0])
@@ -242,9 +242,9 @@ DRIVEN_BY = {  # place: what moves a resonator there; no gyro resonates below 10
 
 @dataclass(frozen=True, eq=False)
 class UnnamedFamily:
-    """law: its place and quantity. a (k, k), b (k,): information and score outside the nominal model's
-    reach, at a variance of 1 of the rows. moved (m, k): what the nominal coordinates do, in their scales, for
-    1 of each point."""
+    """law: its place and quantity. a (k, k), b (k,): information and score outside the nominal model's reach,
+    at a variance of 1 of the rows. moved (m, k): change of the nominal coordinates, in scales, per unit of
+    each point."""
 
     law: TableLaw
     a: Array
@@ -274,7 +274,7 @@ class UnnamedFamily:
 
 
 def families(problem: Problem, fitted: Fitted) -> list[UnnamedFamily]:
-    """Every family that these runs can show, in what a fit with its own Jacobian leaves."""
+    """The families that these runs can show in the residual of a fit with own Jacobian."""
     found = transfers(problem.runs, fitted.model, fitted.x)
     driven = [(place, DRIVEN_BY[place]) for place in found[0].responses if place in DRIVEN_BY]
     resonances = (resonator(*one, float(f), DAMPING) for one in driven for f in RESONANCES)

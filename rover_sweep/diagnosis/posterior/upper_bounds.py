@@ -7,9 +7,9 @@ with which the likelihood counts (`posterior.weights`); a length is not negative
 size by a power law through the lengths at two sizes, since that of a limit grows steeply; it is computed
 again at the size that was found.
 
-Where the nominal model has the coordinate itself, it takes the effect's place up to its bound, and the
-length begins there. With a prior of the standard deviation s instead, it takes a part at a cost: the size q
-with rows of the length L shows as q/sqrt(s^2 + (q/L)^2).
+If the nominal model has the same coordinate, it absorbs the effect up to the coordinate's bound, where the
+length begins. With a prior of standard deviation s, it absorbs a part at a cost: the size q with rows of the
+length L shows as q/sqrt(s^2 + (q/L)^2).
 
 The other parameters of the effect are absent while one is judged. Effects that happen in one run at an
 instant are judged in the middle of each run; the run that shows them least counts.
@@ -52,9 +52,9 @@ NO_BOUND = "these runs hardly excite it: they exclude no size"
 class Side:
     """One sign of one parameter of one law.
 
-    effect: the law, of one of the effect's forms. start: the coordinate up to which the nominal model takes
-    its place. way: +1 or -1. room: distance from there to the parameter's bound. slack: standard deviation of
-    the nominal model's prior, 0 for none. run: where an effect of one run happens, else "".
+    effect: the law, in one of its forms. start: coordinate up to which the nominal model absorbs it. way: +1
+    or -1. room: distance from there to the parameter's bound. slack: standard deviation of the nominal
+    model's prior, 0 for none. run: of an effect in one run, else "".
     """
 
     effect: Effect
@@ -71,7 +71,7 @@ _End = tuple[Side, float]
 
 
 def upper_bounds(last: ModelFit, only: Sequence[str] = (), without: Sequence[str] = ()) -> tuple[Unseen, ...]:
-    """The effects that are not in the model of the last round, with the size up to which each could hide.
+    """The effects that are not in the final model, with the largest size that each could have unseen.
 
     only, without: ids of effects, as in the search. Effects that add a degree of freedom have no bound.
     """
@@ -109,7 +109,7 @@ def _end(last: ModelFit, reach: Tangent, side: Side) -> float:
 
 
 def _distance(last: ModelFit, reach: Tangent, side: Side) -> float:
-    """The distance from the side's start to its bound, infinite where the signature vanishes."""
+    """The distance from the side's start to its bound, infinite without a signature."""
     noise = float(np.sqrt(COARSE * last.fitted.overdispersion))
     residual = reach.outside(last.fitted.rows)
     near, plain = _rows(last, side, 0.0), min(abs(side.parameter.size), side.room)
@@ -135,7 +135,7 @@ def _distance(last: ModelFit, reach: Tangent, side: Side) -> float:
 
 
 def shown_length(rows: Array, distance: float, slack: float) -> float:
-    """Length of a signature at a distance where the nominal model's prior takes a part of its place."""
+    """Length of a signature at a distance, less the part that the nominal model's prior absorbs."""
     length = float(np.linalg.norm(rows))
     return length / float(np.sqrt(1.0 + (length / distance * slack) ** 2)) if distance > 0 else 0.0
 
@@ -159,7 +159,7 @@ def _at(last: ModelFit, side: Side, coordinate: float) -> tuple[Model, dict[str,
 
 
 def _reach(last: ModelFit, held: frozenset[str]) -> Tangent:
-    """What the nominal model explains with some coordinates at their bounds."""
+    """Rows that the nominal model explains with some coordinates at bounds."""
     x = {**last.fitted.x, **{c.name: c.high for c in last.fitted.free if c.name in held}}
     return tangent(replace(last.fitted, x=x))
 
@@ -174,9 +174,8 @@ def _replaced_by(effect: Effect) -> frozenset[str]:
 def sides(effect: Effect, model: Model, runs: tuple[str, ...]) -> Iterator[Side]:
     """The signs of an effect's parameters that these runs could show, in all its forms.
 
-    For an effect that is in one run there is one for each run. Forms with the same nominal coordinate have
-    the same sides. The two signs differ: towards oversteer Cf/Cr shows several times more than towards
-    understeer.
+    An effect in one run has one side per run. Forms with the same nominal coordinate have the same sides. The
+    two signs differ: towards oversteer Cf/Cr shows several times more than towards understeer.
     """
     nominal = {c.name: c for c in model.free}
     pairs = [(law, p) for law in model.laws(effect.id) for p in law.parameters]
@@ -200,10 +199,10 @@ def sides(effect: Effect, model: Model, runs: tuple[str, ...]) -> Iterator[Side]
 
 
 def _gps_lag(last: ModelFit) -> UpperBound | None:
-    """The lag of the GPS that the EKF's V_y does not exclude; None without such a V_y.
+    """The GPS lag that the EKF's V_y does not exclude; None without such a V_y.
 
     Far above the crossover w, V_y = V jw/(jw + w) + V_gps w/(jw + w) with V_gps = V exp(-jw T) has the gain
-    1 - w T at least. It is not told from the normal error of that gain, the prior of `vy_gain`.
+    1 - w T at least. It looks like a normal error of that gain, the prior of `vy_gain`.
     """
     gain = next((c for c in last.fitted.free if c.name == "vy_gain"), None)
     if gain is None or gain.prior is None or not any("vy" in run.measured for run in last.problem.runs):

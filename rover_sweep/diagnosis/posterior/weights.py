@@ -45,12 +45,12 @@ SPAN = sqrt(2.0 * np.pi)  # width of a normal density of unit height over its st
 
 @dataclass(frozen=True)
 class ExplanationEvidence:
-    """What speaks for one explanation, in numbers.
+    """The evidence for one explanation.
 
     effects: their ids. cost: sum of squares of rows and priors; rows: number of rows; data: their sum of
     squares. held: sum of squares of the held-out rows, 0 without such runs. tries: forms, and runs, that were
-    tried. widths: that the data leave to each parameter, at a variance of 1 of the rows, over that of its
-    prior. material: ids of the effects whose size matters.
+    tried. widths: of each parameter after the data, at a row variance of 1, over that of its prior. material:
+    ids of the effects whose size matters.
     """
 
     effects: frozenset[str]
@@ -70,8 +70,8 @@ class ExplanationEvidence:
 
 @dataclass(frozen=True, eq=False)
 class SomethingElse:
-    """Families without a name in what the explanation with these effects leaves, and the change of the
-    held-out sum of squares (n,) by each."""
+    """Unnamed families in the residual of the explanation with these effects, and their changes (n,) of the
+    held-out sum of squares."""
 
     effects: frozenset[str]
     families: tuple[UnnamedFamily, ...]
@@ -82,7 +82,7 @@ class SomethingElse:
 class Weighed:
     """An explanation with its probability. matters: {effect: probability that it is real and matters}.
 
-    unnamed: with something else.
+    unnamed: and something else.
     """
 
     effects: frozenset[str]
@@ -122,7 +122,7 @@ class Posterior:
         return sum(w.probability for w in self.weighed if w.unnamed)
 
     def without(self, effect: str) -> Posterior:
-        """With an effect that is not the cause: in its explanations something else takes its place."""
+        """Rules an effect out: in its explanations, something else takes its place."""
         return Posterior(
             tuple(
                 replace(w, matters={e: p for e, p in w.matters.items() if e != effect}, unnamed=True)
@@ -136,7 +136,7 @@ class Posterior:
 def posterior(
     pool: Sequence[ExplanationEvidence], held_rows: int, others: Sequence[SomethingElse] = ()
 ) -> Posterior:
-    """The probabilities of a pool with the explanation without effects.
+    """The probabilities of a pool that holds the empty explanation.
 
     held_rows: number of held-out rows. others: of explanations in the pool.
     """
@@ -171,12 +171,12 @@ def posterior(
 
 
 def coarsened(pool: Sequence[ExplanationEvidence]) -> float:
-    """Variance of a row with which the likelihood counts."""
+    """Variance of a row in the tempered likelihood."""
     return COARSE * max(1.0, min(e.variance for e in pool))
 
 
 def _gains(e: ExplanationEvidence, pool: Sequence[ExplanationEvidence]) -> dict[str, float]:
-    """{effect: drop of the cost by it, against the best explanation in the pool of the others alone}."""
+    """{effect: drop of the cost by it, against the pool's best explanation without it}."""
     return {
         i: max(min(o.cost for o in pool if o.effects <= e.effects - {i}) - e.cost, 0.0) for i in e.effects
     }
@@ -203,7 +203,7 @@ def evidence_of(e: Fitted, held: float, length: float, runs: int) -> Explanation
 
 
 def standard_errors(fitted: Fitted) -> dict[str, float]:
-    """{coordinate: standard deviation}, at a variance of 1 of the rows; at a bound the decay length there."""
+    """{coordinate: standard deviation} at a row variance of 1; at a bound: the decay length."""
     normal = fitted.jacobian.T @ fitted.jacobian + np.diag(prior_information(fitted.free) + WEAK)
     inside = np.flatnonzero(fitted.inside & np.array([c.step > 0 for c in fitted.free]))
     spread = np.sqrt(np.diag(np.linalg.inv(normal[np.ix_(inside, inside)])))

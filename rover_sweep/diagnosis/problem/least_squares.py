@@ -5,8 +5,8 @@ The problem: minimise over the free coordinates x, low <= x <= high,
     cost(x) = |y - f(x)|^2 + t sum over coordinates with a prior ((x_k - start_k)/prior_k)^2
 
 t = `COARSE`: no model is exact, so thousands of rows do not count as thousands of witnesses. Their likelihood
-is taken to the power 1/t (Miller and Dunson 2019, J. Am. Stat. Assoc. 114), what people know of a number is
-not. A cost over t is then twice a negative log of a probability.
+is taken to the power 1/t (Miller and Dunson 2019, J. Am. Stat. Assoc. 114); a prior is not. A cost over t is
+then twice a negative log of a probability.
 
 y: whitened measured rows, f(x): the model's rows. With r = y - f(x), the scaled step h_k = dx_k/scale_k, the
 Jacobian J (size, k) of f by x/scale, and W = t diag((scale/prior)^2), the linearised cost is minimal where
@@ -48,7 +48,7 @@ from rover_sweep.diagnosis.simulation.simulator import FittedModel, logged
 from rover_sweep.spectra.side_by_side import side_by_side
 
 COARSE = 6.0
-"""How many rows count as one; with `posterior.weights` the largest mean log score on drawn rovers."""
+"""Rows that count as one; with `posterior.weights`, it has the best mean log score on drawn rovers."""
 WEAK = 1e-9  # information on a coordinate without a prior, so that a singular problem can be inverted
 AT_BOUND = 1e-6  # of a coordinate's scale: nearer to a bound, it is at the bound
 
@@ -59,7 +59,7 @@ class Fitted(FittedModel):
 
     free: the k fitted coordinates. cost: sum of squares of rows and priors. rows (size,): whitened residual,
     measured minus model. jacobian (size, k): derivatives of the model's rows by the coordinates over their
-    scales. own: at x or near it, not kept from an earlier fit.
+    scales. own: computed at or near x, not in an earlier fit.
     """
 
     free: tuple[Coordinate, ...]
@@ -251,8 +251,8 @@ def signatures(
 ) -> list[Signature]:
     """Signatures of effects at a fitted model; of an effect in one run (a change of ground) one per run.
 
-    at: {coordinate: size}, the parameter's own size where it is missing. tolerances: at the standard
-    deviation that every rover has, only of parameters that have one.
+    at: {coordinate: size}, the parameter's own size where it is missing. tolerances: at the tolerance of each
+    parameter, of those that have one.
     """
     now = problem.model(base.model, base.x)
     wanted = [
@@ -285,7 +285,7 @@ def _wanted(
 
 
 def columns(found: Sequence[Signature], size: int) -> Array:
-    """Their rows as columns (size, k); one column of zeros for none."""
+    """Signatures as columns (size, k); zeros (size, 1) if none."""
     return np.column_stack([s.rows for s in found]) if found else np.zeros((size, 1))
 
 

@@ -1,6 +1,6 @@
 """The noise floor of a recording, measured at the frequencies that the steering does not excite.
 
-A sweep excites one frequency at a time, so at all others, but its multiples, the residual is noise. The
+A sweep excites one frequency at a time; at all others except its multiples, the residual is noise. The
 estimate Gyy (1 - coherence) would contain the distortion that the diagnosis looks for.
 
 1. The residual is cut into frames of `WINDOW`, one second apart. Mean and slope are taken out and a Hann
@@ -12,8 +12,8 @@ estimate Gyy (1 - coherence) would contain the distortion that the diagnosis loo
    multiples up to `HARMONICS`, the mean, and `GUARD` Hz on either side are left out.
 4. The density at a frequency is the mean of the remaining frames of all runs, at least four; where fewer
    remain it is interpolated in log density. Five lines with weights 1 2 3 2 1 smooth the result.
-5. No density is below that of the best sensor (`LEAST`): a simulator's log has hardly any noise, and a model
-   that is wrong by less than a sensor shows is not wrong.
+5. No density is below that of the best sensor (`LEAST`): a simulator's log has hardly any noise, and model
+   errors below sensor noise do not count.
 
 A mean over m independent frames has the relative standard deviation 1/sqrt(m) (Bendat and Piersol 2010,
 chapter 8); `locate.residual_maps.floor_error` has the value measured for these overlapping frames.
@@ -22,11 +22,11 @@ Runs by hand, smoothed or resampled, whose sensors' low-passes are not known (ta
 every low frequency in every frame, so no line is quiet, and the few quiet lines lie where smoothing took the
 noise away. There the floor would be near zero, and everything significant. So:
 
-1. Where a line is never quiet, the noise is what neighbouring lines do not share: over 2 n + 1 lines of a
+1. Where a line is never quiet, noise is all that neighbouring lines do not share: over 2 n + 1 lines of a
    run, a smooth response to the steering and a smooth transient are fitted to the residual (local polynomial
    method, Pintelon and Schoukens 2012, chapter 7), or the frames of all runs, five or more, share one
-   response. What is left is noise and what a nonlinear law scatters; both estimates are rather too large, so
-   the smaller one counts.
+   response. The rest is noise and scatter from nonlinear laws; both estimates tend to be too large, so the
+   smaller one counts.
 2. Above `BAND` the floor is at least `KEPT` of its median within that band: smoothing takes the noise away,
    but a model does not become more accurate there.
 3. The signal resolves nothing above the frequency at which its own density falls below `COLLAPSED` of that
@@ -126,7 +126,7 @@ def floor_of(runs: Sequence[Experiment], residuals: Sequence[Mapping[str, Array]
 
 
 def frame_size(runs: Sequence[Experiment]) -> int:
-    """Samples of a frame: `WINDOW`, or of `REPEATS` short trials the shortest."""
+    """Samples of a frame: `WINDOW`, or the shortest of `REPEATS` short trials."""
     lengths = [run.t.size for run in runs]
     if max(lengths) >= WINDOW * RATE or len(runs) < REPEATS:
         return int(WINDOW * RATE)
@@ -134,7 +134,7 @@ def frame_size(runs: Sequence[Experiment]) -> int:
 
 
 def has_floor(runs: Sequence[Experiment]) -> bool:
-    """True where a noise floor can be found: from quiet lines, or in a table from neighbouring lines."""
+    """True if a noise floor can be found, from quiet lines, or in a table from neighbouring lines."""
     long = max(run.t.size for run in runs) >= 2 * WINDOW * RATE
     if is_table(runs) and (long or len(runs) >= REPEATS):
         return True
@@ -142,9 +142,9 @@ def has_floor(runs: Sequence[Experiment]) -> bool:
 
 
 def smoothed_channels(floor: Floor) -> list[str]:
-    """A sentence on each channel whose upper frequencies smoothing or resampling has taken."""
+    """A sentence for each channel that lost high frequencies by smoothing or resampling."""
     return [
-        f"{channel} was smoothed or resampled: its spectrum collapses above {top:.2g} Hz, which is not used"
+        f"{channel} was smoothed or resampled: its spectrum collapses above {top:.2g} Hz (not used)"
         for channel, top in floor.top.items()
     ]
 
@@ -160,9 +160,9 @@ def quiet_frames(runs: Sequence[Experiment]) -> tuple[Array, Array]:
 def level_of(run: Experiment, residual: Mapping[str, Array], floor: Floor) -> dict[str, float]:
     """{channel: noise power of one run over that of a floor}.
 
-    residual {channel: (n,)}: of a model that fits. Mean over the quiet lines from 1 Hz, where taking
-    out mean and slope costs no power, up to `TOP`, above which filters leave less than the least floor; 1
-    where they are fewer than a hundred.
+    residual {channel: (n,)}: of a model that fits. Mean over the quiet lines from 1 Hz (removing mean and
+    slope costs power below) to `TOP` (filters leave less than the least floor above); 1 for fewer than 100
+    lines.
     """
     size = frame_size([run])
     f: Array = np.asarray(np.fft.rfftfreq(size, 1 / RATE), np.float64)
@@ -243,12 +243,12 @@ def _pooled(power: Array, f: Array, local: Array | None = None) -> Array:
 
 
 def is_table(runs: Sequence[Experiment]) -> bool:
-    """True for runs without any known low-pass: not of an autopilot, and perhaps smoothed."""
+    """True if no low-pass is known: runs not from an autopilot, perhaps smoothed."""
     return not any(run.filters for run in runs)
 
 
 def local_density(run: Experiment, residual: Array) -> tuple[Array, Array]:
-    """(f (k,) Hz, one-sided density (k,) unit^2/Hz) of what near lines of a residual (n,) do not share."""
+    """(f (k,) Hz, one-sided density (k,) unit^2/Hz): what near lines of a residual (n,) do not share."""
     reach, degree = (6, 2) if run.t.size > 10.0 * RATE else (4, 1)  # lines on each side, of the polynomials
     lines = int(min((TOP + 2.0) * run.t.size / RATE, run.t.size // 2))
     drive, out = (np.fft.rfft(x)[1 : lines + 1] for x in (run.steer * run.speed, residual))
@@ -278,7 +278,7 @@ def pooled_local(runs: Sequence[Experiment], residuals: Sequence[Array], f: Arra
 
 
 def incoherent_density(drive: NDArray[np.complex128], out: NDArray[np.complex128], averages: float) -> Array:
-    """Density (k,) of the lines `out` (m, k) that no common response to `drive` (m, k) gives, NaN for few.
+    """Density (k,) of the lines `out` (m, k) not explained by a common response to `drive`, NaN if few.
 
     averages: independent frames, of the m that overlap.
     """

@@ -79,17 +79,17 @@ class Metric:
         return rows + self.s @ (self.inner @ (self.s.T @ rows))
 
     def of_small(self, rows: Array) -> Array:
-        """The same to seven digits, for differences of rows: it takes half the time, as it reads half."""
+        """Like `of` to seven digits, for differences of rows: half the data and half the time."""
         along = self.inner @ (self.single.T @ rows.astype(np.float32)).astype(np.float64)
         return rows + self.single @ along.astype(np.float32)
 
 
 class Stopped(Exception):
-    """A simulation was wanted after the search had been stopped."""
+    """A simulation was requested after the search was stopped."""
 
 
 def never() -> bool:
-    """False: a search that goes on to its end."""
+    """False: the search is never stopped."""
     return False
 
 
@@ -125,7 +125,7 @@ class Problem:
     def plain_models(self, model: Model, xs: Sequence[Mapping[str, float]]) -> list[Array]:
         """The model's whitened rows (size,) without the metric for each set of coordinates, on two threads.
 
-        Sets that differ in the sensors only share one motion.
+        Sets that differ only in the sensors share one motion.
         """
         alike: dict[frozenset[tuple[str, float]], list[int]] = {}
         for k, x in enumerate(xs):
@@ -182,9 +182,9 @@ class Problem:
         return replace(self, measured=self.plain_measured, metric=None)
 
     def steadied(self, model: Model, x: Mapping[str, float]) -> Problem:
-        """The problem of the same residual at x whose runs are `Experiment.steadied`.
+        """The problem with `Experiment.steadied` runs and the same residual at x.
 
-        What the steadied speed changes in the model at x is taken from the measured rows.
+        The measured rows change as the model at x does.
         """
         other = replace(self, runs=tuple(run.steadied(x.get("speed_share", 1.0)) for run in self.runs))
         changed = self.plain_models(model, [x])[0] - other.plain_models(model, [x])[0]
@@ -202,7 +202,7 @@ class Problem:
 
 
 def problem(runs: Sequence[Experiment], residuals: Sequence[Mapping[str, Array]]) -> Problem:
-    """The problem of runs with the noise floor of their residuals {channel: (n,)} in a first fit."""
+    """Builds the Problem; the residuals {channel: (n,)} of a first fit give its noise floor."""
     return with_floor(runs, floor_of(runs, residuals))
 
 
@@ -233,7 +233,7 @@ def centred(run: Experiment) -> dict[str, Array]:
 
 
 def signals_left(run: Experiment, model: Model, x: Mapping[str, float]) -> dict[str, Array]:
-    """What a model leaves of the measurements {channel: (n,)}, SI units."""
+    """Measurements minus model {channel: (n,)}, SI units."""
     log = logged(run, model, x)
     return {c: y - log[c] for c, y in centred(run).items()}
 
@@ -246,7 +246,7 @@ def whitened(rows: Sequence[Rows], runs: Sequence[Experiment], logs: Sequence[Ma
 
 
 def whitened_run(rows: Sequence[Rows], run: Experiment, log: Mapping[str, Array]) -> Array:
-    """The same of one run, whose rows are given in their order."""
+    """Like `whitened` for one run; rows: its own, in order."""
     if not rows:
         return np.empty(0)
     out = np.empty(sum(row.size for row in rows))

@@ -231,9 +231,9 @@ class Model:
     """A baseline with effects, to be simulated and fitted.
 
     baseline: "kinematic", "bicycle", "roll-yaw" or "lumped". spread: normal tolerances of a rover. effects:
-    names of laws. happened_in: name of the run with a surface change, happened_order: its place in
-    time. two_clocks: steering and motion have two clocks. given: ids of effects that belong to the
-    baseline: an inference does not ask about them. unnamed: laws without a name, simulated in addition.
+    names of laws. happened_in: name of the run with a surface change, happened_order: its place in time.
+    two_clocks: steering and motion have two clocks. given: ids of effects that belong to the baseline: an
+    inference does not test them. unnamed: laws without a name, simulated in addition.
     """
 
     baseline: str
@@ -315,7 +315,7 @@ class Model:
 
     @property
     def _growth(self) -> Mapping[str, float]:
-        """How much larger this rover is than 0.5 m and 3 N m of ms g h, for which the sizes were set."""
+        """Size of this rover over 0.5 m and 3 N m of ms g h, for which sizes were set."""
         moment = (self.rover.sprung_mass or 0.0) * GRAVITY * (self.rover.h or 0.0)
         return {"wheelbase": max(self.rover.wheelbase / 0.5, 1.0), "roll moment": max(moment / 3.0, 1.0)}
 
@@ -330,7 +330,7 @@ class Model:
 
     @property
     def laws_and_run(self) -> tuple[str, ...]:
-        """The laws by their names and the run in which one begins: what tells models of a rover apart."""
+        """Names of the laws and the run in which one begins; identifies a rover's model."""
         return (*self.effects, self.happened_in)
 
     @property
@@ -349,7 +349,7 @@ def added_coordinates(effect: Effect) -> list[Coordinate]:
 def possible(
     model: Model, runs: Sequence[Experiment], only: Collection[str] = (), without: Collection[str] = ()
 ) -> tuple[list[Effect], dict[str, str]]:
-    """(effects that these runs can show in addition, {effect: why they cannot show it}).
+    """(further effects that these runs can show, {effect: why they cannot show it}).
 
     Effects on the speed are left out: the measured speed drives the model, and `speed_loss` tests them.
     """
@@ -370,7 +370,7 @@ def possible(
 
 
 def is_included(effect: Effect, model: Model) -> bool:
-    """True for a degree of freedom that the baseline has anyway."""
+    """True for a degree of freedom that the baseline has."""
     return effect.id in DEGREES_OF_FREEDOM and model.baseline not in effect.baselines
 
 

@@ -33,8 +33,8 @@ class Experiment:
     steer_rate: that of the steering [Hz]. begin: time of t = 0 on the clock of the recording [s].
     two_clocks: steering and motion come from different clocks. order: place among the runs in the order of
     driving; driven: time driven in the runs before [s]. commanded (FINE n,): `steer` on a finer grid, None
-    where there is none. changes (n,): `unsure`, where it was found before [m/s]. share: of them that is in
-    `speed`. angles: wheel angles that were computed last, by what they depend on.
+    where there is none. changes (n,): `unsure`, if already computed [m/s]. share: part of them in `speed`.
+    angles: the last wheel angles, by their inputs (a cache).
     """
 
     name: str
@@ -76,9 +76,9 @@ class Experiment:
     def unsure(self) -> Array:
         """Changes (n,) of the speed within `STEADIED` that may be an error of its estimate [m/s].
 
-        What a turn takes from the speed is no error: it has twice the frequency of the steering, so a model
-        without it would answer at that of the steering, early. Of other changes of more than three times the
-        error, the share of their power above that is none.
+        Speed lost in turns is no error: it has twice the frequency of the steering, so a model without it
+        would respond too early at the steering's own. Other changes count up to three times the usual error;
+        power above that is no error.
         """
         if self.changes is not None:
             return self.changes
@@ -106,10 +106,10 @@ class Experiment:
         return np.gradient(self.unsure, 1.0 / RATE)
 
     def steadied(self, share: float) -> Experiment:
-        """The run at a speed without `unsure` for a model that takes this share of it: for derivatives.
+        """The run without `unsure` in its speed, for derivatives of a model that includes this share of it.
 
-        The measured speed multiplies the motion and the model's derivatives alike. Its error is in both, so
-        their product has the error's square, which does not average out and moves lag and inertia by 10 %.
+        The measured speed multiplies both motion and derivatives. Their product has the square of its error,
+        which does not average out and moves lag and inertia by 10 %.
         Fuller 1987: Measurement Error Models, section 2.4 (instrumental variables).
         """
         out = replace(self, speed=self.speed - self.unsure, changes=self.unsure, share=share)
@@ -140,7 +140,7 @@ def _smooth(x: Array, seconds: float) -> Array:
 
 
 def _may_be_error(changes: Array) -> Array:
-    """Share (n,) of changes of the speed that is not too large for an error, within some seconds."""
+    """Share (n,) of speed changes that is small enough for an error, within some seconds."""
     power = _smooth(changes**2, 1.0)
     return np.asarray(np.minimum(1.0, (3.0 * SPEED_ERROR) ** 2 / np.maximum(power, 1e-12)))
 
@@ -152,8 +152,8 @@ def experiment(run: Recording) -> Experiment:
     """
     if (driven := run.mean_speed) < 0:
         raise DataRefused(
-            f"{run.name} was driven in reverse ({driven:.2f} m/s): of the answers about a rover, only "
-            "`rover-sweep identify` takes such runs"
+            f"{run.name} was driven in reverse ({driven:.2f} m/s): only `rover-sweep identify` "
+            "accepts such runs"
         )
     start, end = _driven(run)
     n = int((end - start) * RATE) + 1
@@ -185,9 +185,9 @@ def experiment(run: Recording) -> Experiment:
 
 
 def in_order(runs: Sequence[Experiment]) -> list[Experiment]:
-    """The same runs with `order` and `driven`: in the order of their clock where it shows one, else as given.
+    """The same runs with `order` and `driven`: by their clock if it gives an order, else as given.
 
-    Runs of one clock do not overlap in time; after a restart they do, and the clock says nothing.
+    Runs on one clock do not overlap; if they do (after a restart), the clock gives no order.
     """
     by_clock = sorted(runs, key=lambda r: r.begin)
     ends = [r.begin + float(r.t[-1]) for r in by_clock]
@@ -214,7 +214,7 @@ def _driven(run: Recording) -> tuple[float, float]:
 
 
 def _slowest(speed: Array) -> float:
-    """Speed [m/s] below which the rover stands: `SLOWEST`, or half of a lower usual speed (n,)."""
+    """Speed [m/s] below which the rover rests: `SLOWEST`, or half of a lower usual speed (n,)."""
     return min(SLOWEST, 0.5 * float(np.median(speed)))
 
 
@@ -236,8 +236,8 @@ def on_grid(channel: Signal, grid: Array) -> Array:
     """Values (n,) of a channel at the times of an even `grid` (n,) [s].
 
     A cubic through the four nearest samples, since straight lines take 5 % of 10 Hz from samples at 100 Hz; a
-    straight line where their intervals are not even. A staircase is averaged over the
-    cells of the grid, and what the average takes from high frequencies is given back: u - u'' step^2 / 24.
+    straight line where their intervals are not even. A staircase is averaged over the cells of the grid, and
+    its loss at high frequencies is corrected: u - u'' step^2 / 24.
     """
     rough = channel.on(grid)
     if channel.hold:

@@ -47,7 +47,7 @@ WHEEL = ("scale", "delay", "lag", "lag_shape", "trim")  # coordinates of the whe
 def wheel_angle(run: Experiment, model: Model, x: Values) -> Array:
     """Road-wheel angle (n,) rad from the commanded one through delay, command, servo, linkage and trim.
 
-    The run keeps the last eight, since most columns of a Jacobian share theirs; it must not be written to.
+    The run caches the last eight, since most Jacobian columns share one. Do not write to the result.
     """
     limits = {name: value for e in model.of(ServoEffect) for name, value in e.numbers(x).items()}
     acting = model.of(SteeringEffect)
@@ -118,7 +118,7 @@ def motions(drives: Sequence[tuple[Experiment, Values]], model: Model) -> list[d
 
 @dataclass(frozen=True, eq=False)
 class _Car:
-    """What moves in one drive: its coordinates x, numbers q, factor of grip (n,), and what is known of it."""
+    """The rover in one drive: coordinates x, numbers q, factor of grip (n,), and known motion."""
 
     x: Values
     base: dict[str, Array]
@@ -295,7 +295,7 @@ class Sensors:
         return out
 
     def _turned(self, r: Array, speed: Array, path: Any) -> Array:
-        """V_y (n,) that a heading shows which is integrated from r (n,) through a filter: V (psi - psi_f).
+        """V_y (n,) from a heading integrated from the filtered r (n,): V (psi - psi_f).
 
         path (k,): the filter's response H; psi - psi_f has the transform R (1 - H)/(j w).
         """
@@ -437,7 +437,7 @@ def at_the_imu(body, place, errors, dt):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def padded_by_line(y, size):  # type: ignore[no-untyped-def]
-    """y (n,) and a straight line back to its begin, (size,)."""
+    """y (n,), then a straight line back to y[0]: (size,)."""
     out = np.empty(size)
     n = y.size
     out[:n] = y
@@ -458,7 +458,7 @@ def weigh_into(line, bins, weight, out):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def summed_with_loss(u, keep):  # type: ignore[no-untyped-def]
-    """y (n,) with y[k] = keep y[k - 1] + u[k], from rest; keep: what a step leaves."""
+    """y (n,) with y[k] = keep y[k - 1] + u[k], from rest."""
     out = np.empty(u.size)
     y = 0.0
     for k in range(u.size):

@@ -76,7 +76,7 @@ AT = VehicleNumbers(*range(len(VehicleNumbers._fields)))  # index of each number
 
 @njit(cache=True, nogil=True, fastmath=FAST)
 def tyre_force(alpha, c, load, inv_load, inv_mu, bend, form):  # type: ignore[no-untyped-def]
-    """Side force [N]: -C alpha, less from the third order on (bend), saturating by a form (inv_mu)."""
+    """Side force [N]: -C alpha, reduced at third order (bend), saturating by a form (inv_mu)."""
     force = -c * alpha
     share = force * inv_load
     force = force / sqrt(1.0 + bend * share * share)
@@ -171,7 +171,7 @@ def _between(now, then, later):  # type: ignore[no-untyped-def]
 def _slope(c, given, x, shifted, roll, relaxed):  # type: ignore[no-untyped-def]
     """(slope of the state x, v' + V r). given: steering angle, speed, grip, Fy, Mz and Mx of the instant.
 
-    shifted: lateral acceleration over g at the begin of the step, by which load has moved.
+    shifted: lateral acceleration over g at the start of the step, for the load transfer.
     """
     a, b, inv_m, inv_izz, ixz, hm, twist, inv_j, spring, b_phi, t_roll, inv_width = c[0]
     stiff_f, stiff_r, load_f, load_r, inv_load_f, inv_load_r, inv_mu, bend = c[1]
@@ -367,7 +367,7 @@ def _remember(laws, kept, across, x, speed, dt):  # type: ignore[no-untyped-def]
 def single_track_with_laws(drive, laws, relaxed, roll, dt):  # type: ignore[no-untyped-def]
     """One motion as in `single_tracks`, with laws that act on the body.
 
-    A memory is that of the last sample. A law over v' + V r is a part of it: it is evaluated `ROUNDS` times.
+    A memory holds the last sample. A law over v' + V r also changes it, so it is evaluated `ROUNDS` times.
     """
     steer, speed, grip, given_fy, given_mz, given_mx, q = drive
     c = _constants(q, roll)
@@ -414,7 +414,7 @@ def single_track_with_laws(drive, laws, relaxed, roll, dt):  # type: ignore[no-u
 
 
 def must_compile(loop: Any = single_tracks) -> bool:
-    """True before the only run on this machine that compiles; False too where numba does not say."""
+    """True if the next run compiles (once per machine); False also if numba does not tell."""
     try:
         return not Path(loop._cache._cache_file._index_path).is_file()
     except AttributeError:  # another version of numba

@@ -87,7 +87,7 @@ class TableLaw:
 
     @property
     def kind(self) -> tuple[str, ...]:
-        """What two laws share that differ in their numbers only."""
+        """Equal for laws that differ only in numbers."""
         return self.place, self.over, self.times, self.memory
 
     @property
@@ -108,12 +108,12 @@ class TableLaw:
 
 
 def resonator(place: str, over: str, frequency: float, damping: float) -> TableLaw:
-    """A law with a hidden resonator and no force yet."""
+    """A law with a hidden resonator whose y are 0."""
     return TableLaw(place, over, (0.0, 1.0), (0.0, 0.0), memory="resonance", size=frequency, damping=damping)
 
 
 def refuse_law(law: TableLaw) -> None:
-    """ValueError for a table that cannot be simulated, from a damaged or foreign file."""
+    """ValueError if a table from a damaged or foreign file cannot be simulated."""
     if law.place not in PLACES:
         raise ValueError(f"there is no place {law.place!r}")
     if law.over not in OVER or law.times not in ("", *FACTORS) or law.memory not in MEMORIES:
@@ -136,7 +136,7 @@ def refuse_law(law: TableLaw) -> None:
 
 
 def quantity(over: str, m: Mapping[str, Array], signal: Array | None = None) -> Array:
-    """The quantity (n,) in a motion as `simulator.motion` gives it; signal (n,): of the sensor's channel."""
+    """The quantity (n,) in a motion from `simulator.motion`; signal (n,): of the sensor's channel."""
     if over == "delta_dot":
         return rate(m["delta"])
     if over == "signal_dot":
@@ -194,7 +194,7 @@ def factor(times: str, m: Mapping[str, Array]) -> Array | float:
 
 
 def acting(law: TableLaw, m: Mapping[str, Array], signal: Array | None = None) -> Array:
-    """What the law adds (n,) in a motion, in `law.unit` times the unit of the factor."""
+    """Output (n,) of the law in a motion, in `law.unit` times the factor's unit."""
     x = quantity(law.over, m, signal)
     if law.memory == "resonance":
         u, rate_over_w = resonating(x, law.size, law.damping)
@@ -248,7 +248,7 @@ def with_laws(model: Model, laws: Sequence[TableLaw]) -> Model:
 
 
 def law_numbers(effects: Sequence[StateForceEffect], base: Mapping[str, Array], x: Values) -> LawNumbers:
-    """The numbers of the compiled loop for laws on the body. base {name: (n,)}: the motion that is given."""
+    """The numbers of the compiled loop for laws on the body. base {name: (n,)}: the given motion."""
     laws = [e.law(e.coordinates(x)) for e in effects]
     inside = [law.over in STATES for law in laws]
     kinds = {"": TABLE, "lag": LAG, "resonance": RESONATOR}
