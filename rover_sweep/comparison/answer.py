@@ -69,7 +69,7 @@ class Bode:
     """Responses of one run to the steering, of recording and simulation.
 
     w (n,) [rad/s]; recorded, before, after (n,) complex, SI units; coherence (n,) of the recording; band:
-    where it is coherent, None for nowhere.
+    where it is coherent, else None.
     """
 
     run: str
@@ -219,7 +219,7 @@ class Correction:
 
 @dataclass(frozen=True, eq=False)
 class TwinDrive:
-    """One drive of the simulation: how it compares, and what was corrected after it.
+    """One drive of the simulation: its comparison, and the corrections after it.
 
     simulator: "plant", "embedded" or "ardurover".
     """

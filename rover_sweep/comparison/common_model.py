@@ -244,7 +244,7 @@ def of_the_rover(free: Sequence[Coordinate]) -> tuple[Coordinate, ...]:
 def common_model(recordings: AugmentedModel, effects: Sequence[str], roll_seen: bool = True) -> Model:
     """The model of the recordings with wide tolerances, and the simulation's effects, by name.
 
-    roll_seen: False where no compared channel shows roll: a model without it then replaces roll-yaw.
+    roll_seen: False if no compared channel shows roll: a model without it then replaces roll-yaw.
     """
     own = {form_named(name).id for name in recordings.effects}
     more = tuple(name for name in effects if form_named(name).id not in own)

@@ -130,7 +130,7 @@ def with_suspects(
 ) -> tuple[FittedSide, FittedSide, dict[str, tuple[str, ...]]]:
     """(recordings, simulation, {added effect: others that explain nearly as much}).
 
-    Effects are added in which both sides differ clearly; of several the one that fits best.
+    Adds effects in which both sides differ clearly; of several, the one that fits best.
     recorded: the recorded runs. fitted: {laws and run: the recordings fitted with them}, used and filled.
     """
     alike: dict[str, tuple[str, ...]] = {}
@@ -205,11 +205,11 @@ def compare(
     measured: Known = MappingProxyType({}),
     changed: Collection[str] = (),
 ) -> Compared:
-    """Compare simulated runs with the recorded runs whose steering they have.
+    """Compare simulated runs with the recorded runs of the same steering.
 
     held_out: recorded runs that no fit has used. model: of the recordings, from their diagnosis.
-    effects: names of the laws in the simulation where they are known; None: they are searched. fitted:
-    {laws: the recordings fitted with them}, filled and used where the same recordings are compared several
+    effects: names of the laws in the simulation, None: unknown, to be searched. fitted:
+    {laws: the recordings fitted with them}, filled and used if the same recordings are compared several
     times; then without bounds and pictures. unnamed: the diagnosis found something without a name, so
     differences that it did not name stay unnamed. measured: differences of numbers measured on the rover from
     the simulation's. changed: quantities that were corrected by the same recordings before. DataRefused if a
@@ -327,7 +327,7 @@ def _verdict(
     recordings: FittedSide,
     simulation: FittedSide,
 ) -> Verdict:
-    """Agree without a difference that matters, and without a residual above the noise."""
+    """Agree if no difference matters and no residual is above the noise."""
     far = max((a.overall for a in agreement), default=0.0) > AGREE
     unexplained = any(side.fitted.overdispersion > UNEXPLAINED for side in (recordings, simulation))
     unexplained |= bool(simulation.at_bounds)

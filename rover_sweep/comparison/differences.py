@@ -183,7 +183,7 @@ ABSENT_SHARE = 0.2  # of the other side's size, up to which an effect counts as 
 
 @dataclass(frozen=True, eq=False)
 class Found:
-    """Both sides together. candidates: all quantities; chosen: indices of those that differ.
+    """Two sides compared. candidates: all quantities; chosen: indices of those that differ.
 
     subsets: costs of all sets. simulation, recordings: coordinates {name: value} of both sides, the first of
     them the estimate, then the draws.
@@ -199,7 +199,7 @@ class Found:
 def found_between(
     recordings: FittedSide, simulation: FittedSide, seed: int = 1, known: Known = MappingProxyType({})
 ) -> Found:
-    """The fewest quantities that explain the difference of two sides fitted with the same model.
+    """The fewest quantities that explain the difference of two sides fitted with one model.
 
     known: coordinates known better than from the two fits.
     """

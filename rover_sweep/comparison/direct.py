@@ -30,7 +30,7 @@ from rover_sweep.errors import DataRefused
 
 
 ALIKE = 0.4
-"""RMS of the difference over that of the steering, up to which two runs have the same steering.
+"""RMS of difference over RMS of steering, up to which two runs have the same steering.
 
 The firmware that repeats a sweep of 12 Hz through its own loop differs by .05 to .09, the same sweep driven
 again by .21, another run by 1. Each side is compared at its own steering."""
@@ -51,7 +51,7 @@ class Pair:
 def pairs_by_steering(recorded: Sequence[Experiment], simulated: Sequence[Experiment]) -> list[Pair]:
     """Each simulated run with its recorded one, in the order of the recorded runs.
 
-    DataRefused where a simulated run has the steering of no recorded run.
+    DataRefused if a simulated run has the steering of no recorded run.
     """
     found: dict[int, Pair] = {}
     for sim in simulated:

@@ -119,7 +119,7 @@ def diagnose(
         options.progress("compiling the simulation, once on this machine (up to a minute)", 0.0)
     judged = without_refuted(infer(used, model, begin, options, held), held)
     found = judged[0]
-    options.progress("describing what is left", 0.92)  # of the work
+    options.progress("describing the residual", 0.92)  # of the work
     answer, laws = _answer(judged, used, held, settings)
     remarks = [f"the simulation follows the {baseline} model"] if simulated else []
     remarks += smoothed_channels(found.last.problem.floor)

@@ -140,7 +140,7 @@ class _Pair:
 
 
 def _by_amplitude(problem: Problem, rows: Array, channel: str, small: int, large: int) -> Iterator[Mismatch]:
-    """The growth of the residual's power when the motion doubles, where it is not in proportion."""
+    """Power ratio of the residual when the motion doubles, if it is not proportional."""
     pair = _Pair.of(problem, rows, channel, small, large)
     if pair is None:
         return
@@ -167,7 +167,7 @@ def _by_amplitude(problem: Problem, rows: Array, channel: str, small: int, large
 
 
 def _by_speed(problem: Problem, rows: Array, channel: str, slow: int, fast: int) -> Iterator[Mismatch]:
-    """The speed at which the residual is a larger share of the motion, where the difference is clear."""
+    """The speed at which the residual is a larger share of the motion, if that is clear."""
     pair = _Pair.of(problem, rows, channel, slow, fast)
     if pair is None:
         return

@@ -77,7 +77,7 @@ def floor_error(problem: Problem) -> Array:
     """Relative standard deviation (k,) of the noise floor between the `EDGES` (k+1,).
 
     Overlap of the frames increases it, smoothing over frequencies reduces it. Measured on white noise, its
-    square is 1.4 over the number of frames where they are fewest, and 0.9 over it elsewhere.
+    square is 1.4/(number of frames) where frames are fewest, elsewhere 0.9/(number).
     """
     f, frames = quiet_frames(problem.runs)
     middle = np.sqrt(EDGES[1:] * EDGES[:-1]) / (2 * np.pi)
@@ -102,9 +102,8 @@ def rms_over_noise(power: Array, count: Array, chosen: Any) -> float:
 class SignalFit:
     """Least squares of a channel's residual on k signals.
 
-    amounts (k,) and their standard deviations errors (k,). sizes (k,): signed rms over noise of each in the
-    rows where it acts. drop: of the sum of squares, over the rows' variance. ratio: rms over noise in those
-    rows.
+    amounts (k,) and their standard deviations errors (k,). sizes (k,): signed rms over noise of each signal
+    in its rows. drop: of the sum of squares, over the rows' variance. ratio: rms over noise in those rows.
     """
 
     amounts: Array

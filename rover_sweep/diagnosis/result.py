@@ -111,7 +111,7 @@ class Finding(PlainNumbers, Shown):
         object.__setattr__(self, "parameters", ByName(self.parameters))
 
     def table(self) -> ShortTable:
-        """Its parameters, what was found and what it does to a turn."""
+        """Parameters, finding and change of a turn."""
         return self.parameters.table(self.effect, tuple(filter(None, (self.sentence, self.turn))))
 
 
@@ -121,9 +121,9 @@ class LawCurve(PlainNumbers):
 
     place: "steering", "side force front", "side force rear", "side force", "yaw moment", "roll moment",
     "speed" or "sensor of r" (ay, p, vy). alternatives: other places that explain nearly as much. over: the
-    quantity x, in `over_unit`; y in `unit`. times: quantity that y is multiplied by, "" for none. memory: ""
-    for none, "lag" or "play" of `size`, see `simulation.table_law`. gain: drop of chi-squared.
-    "resonance": y is the gain over the frequency x of a resonator of `size` [Hz] that `over` drives.
+    quantity x, in `over_unit`; y in `unit`. times: factor of y, "" for none. memory: "" for none, "lag" or
+    "play" of `size`, see `simulation.table_law`. gain: drop of chi-squared. "resonance": y is the gain over
+    the frequency x of a resonator of `size` [Hz] that `over` drives.
     """
 
     place: str
@@ -199,7 +199,7 @@ class Unknown(PlainNumbers):
 class UpperBound(PlainNumbers):
     """Values, in `unit`, of a parameter of an unfound effect that are possible at 95 %.
 
-    low, high: its range, None where there is no such limit. matters: smaller sizes are normal tolerance;
+    low, high: its range, None: no limit. matters: smaller sizes are normal tolerance;
     None: every size counts.
     """
 
@@ -309,7 +309,7 @@ class Diagnosis(PlainNumbers):
     p_none: float | None = None
     p_else: float | None = None
     model: AugmentedModel | None = None
-    """The nominal model with the effects, for simulation and export; None where the data were refused."""
+    """The nominal model with the effects, for simulation and export; None if the data were refused."""
 
     def __post_init__(self) -> None:
         super().__post_init__()

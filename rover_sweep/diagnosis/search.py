@@ -100,7 +100,7 @@ def _together(
 ) -> tuple[float, float, dict[str, float]] | None:
     """(predicted gain, 1.0, start) of all parameters at once, None for an effect with one or an instant.
 
-    rows: what each start adds; of each parameter the smallest change counts, which is nearest to linear.
+    rows: what each start adds. For each parameter the smallest change is used: the most linear one.
     """
     names = [effect.coordinate_name(p) for p in effect.parameters]
     moved = [{n: s[n] - base.x.get(n, 0.0) for n in names} for s in starts] if not effect.in_one_run else []
@@ -220,7 +220,7 @@ def material_sizes(effect: Effect, spread: Tolerances, wheelbase: float) -> dict
 def least_size(effect: Effect, parameter: EffectParameter, model: Model, x: Mapping[str, float]) -> float:
     """Magnitude of a parameter's coordinate from which its effect matters; 0: every size does.
 
-    x: {coordinate: value}. Lag and delay matter only where both together are above the normal tolerance.
+    x: {coordinate: value}. Lag and delay matter only if together they exceed the normal tolerance.
     """
     if effect.id in LAGS:
         return model.spread.together - x["delay" if effect.id == "servo_lag" else "lag"]
@@ -230,7 +230,7 @@ def least_size(effect: Effect, parameter: EffectParameter, model: Model, x: Mapp
 
 
 def is_material(effect: str, model: Model, x: Mapping[str, float]) -> bool:
-    """False where an effect of a fitted model is below its material size, or beyond 80 % of its bound.
+    """False if an effect of a fitted model is below its material size, or beyond 80 % of its bound.
 
     effect: its id. x: {coordinate: value}.
     """

@@ -66,7 +66,7 @@ def _blocks(
 ) -> tuple[Array, NDArray[np.bool_], dict[str, Array]]:
     """(above, loud, {place: explained}) of the m blocks of lines of one run, each (m,).
 
-    above: power of their rows above the noise. loud: that of all channels, or of one, is significant.
+    above: power of their rows above the noise. loud: significant in one channel or in all.
     """
     rows = [r for r in problem.rows if r.run == run]
     lines = np.unique(np.concatenate([r.bins for r in rows]))

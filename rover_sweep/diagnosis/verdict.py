@@ -35,7 +35,7 @@ class Turn:
 
     speed [m/s]; angle: of the step [rad]; turned: heading reached without the effect [rad]. delay: added to
     the time in which r reaches half of its final value [s]; rate: relative change of the final r; path:
-    distance between both rovers at the end of the turn [m].
+    distance between both rovers at its end [m].
     """
 
     speed: float
@@ -52,7 +52,7 @@ class Turn:
 
     @property
     def visible(self) -> bool:
-        """True where a driver would see the change of the turn."""
+        """True if a driver would see the change of the turn."""
         return self.change >= VISIBLE
 
 
@@ -282,7 +282,7 @@ def refuted_words(refuted: tuple[str, float]) -> str:
 
 
 def why_it_does_not_matter(absent: bool, turn: Turn | None = None, change: float = 1.0) -> str:
-    """Why a probable effect is listed as present and not named, "" where it matters.
+    """Why a probable effect is listed as present, but not named; "" if it matters.
 
     absent: the 90 % intervals of its size include zero. turn: its change of a turn, None if it changes none.
     change: of a channel in the runs, rms over rms.
@@ -295,7 +295,7 @@ def why_it_does_not_matter(absent: bool, turn: Turn | None = None, change: float
 
 
 def hardly_matters(held_out: Sequence[HeldOut]) -> bool:
-    """True where J_rms falls by less than 5 % on every held-out run."""
+    """True if J_rms falls by less than 5 % on every held-out run."""
     return bool(held_out) and all(h.before.j_rms - h.after.j_rms < 0.05 * h.before.j_rms for h in held_out)
 
 

@@ -158,7 +158,7 @@ def told(before: Odds, found: Diagnosis) -> float:
 
 
 def times_over(bound: UpperBound) -> float:
-    """How far the bound exceeds the size that matters: 1 where they are equal, inf where that is not known.
+    """The bound over the size that matters: 1 if they are equal, inf if that size is not known.
 
     A ratio counts by its logarithm; of a parameter that is absent at infinity the reciprocal counts.
     """
@@ -179,8 +179,8 @@ def _doubtful(finding: Finding, found: Diagnosis) -> Odds:
 def _odds(found: Diagnosis, known: Mapping[str, float], rivals: Sequence[str]) -> dict[str, float]:
     """{explanation: probability}: of none and of something else as diagnosed, of `known` effects as given.
 
-    The rest is shared by the rivals and by the effects whose probability is 0, which is not known, as the
-    drops of the cost weigh in `posterior.weights`.
+    Rivals, and effects with the probability 0 (not known), share the rest by their drops of the cost, weighed
+    as in `posterior.weights`.
     """
     odds = {NONE: found.p_none or 0.0, OTHER: found.p_else or 0.0, **known}
     open_now = [e for e, p in odds.items() if p == 0.0 and e in known] + [e for e in rivals if e not in known]

@@ -175,7 +175,7 @@ class VehicleTests:
 
     @property
     def count(self) -> int:
-        """Number of tests, 0 where there are too few days."""
+        """Number of tests, 0 if there are too few days."""
         return len(self.shapes) * len(self.quantities) if self.times.size >= FEWEST else 0
 
     def term(self, quantity: int, shape: Shape) -> Term:
@@ -238,7 +238,7 @@ def _gains(vehicle: VehicleTests, now: Explained) -> Array:
 def _possible(
     vehicle: VehicleTests, terms: Sequence[Term], q: int, best: Shape, fit: Explained
 ) -> tuple[int, ...]:
-    """`at` of the shapes of the same kind that are nearly as likely, with the best one's scatter."""
+    """`at` of nearly as likely shapes of the same kind, with the best one's scatter."""
     found = []
     for shape in vehicle.shapes:
         if shape.kind == best.kind:

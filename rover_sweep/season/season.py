@@ -1,4 +1,4 @@
-"""From the logs of a fleet to a season: the vehicles, their quantities day by day, and what drifted."""
+"""Makes a season from the logs of a fleet: vehicles, their quantities day by day, and drifts."""
 
 from __future__ import annotations
 
@@ -218,7 +218,7 @@ def _vehicle(name: str, days: tuple[VehicleDay, ...], rovers: Mapping[str, Geome
 
 
 def _with_usual(vehicles: Sequence[_Vehicle], scatters: Mapping[str, Array]) -> list[_Vehicle]:
-    """The vehicles with the median scatter of those of the same model, where there are enough."""
+    """The vehicles with the median scatter of all of the same model, if there are enough."""
     out = []
     for v in vehicles:
         names = [c.name for c in v.coordinates]

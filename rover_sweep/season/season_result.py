@@ -43,7 +43,7 @@ class Drift:
     quantity: its name. day: first day after a step, or last day before a gradual change begins; earliest,
     latest: its 95 % interval (days of logs). before, after: the quantity (at the end of the season where
     gradual), None for a board. low, high: 90 % interval of after minus before, or of after/before where
-    `relative`. ratio: change over its standard deviation. matters: False where within tolerance.
+    `relative`. ratio: change over its standard deviation. matters: False if within tolerance.
     cause: simultaneous event that explains it, "" for none. parameters: changes at that time.
     """
 
@@ -183,7 +183,7 @@ class FittedLog:
 
 
 def season_model(rover: Geometry) -> Model:
-    """The model of a season: the roll-yaw model with play, the bicycle where the file has no roll."""
+    """The model of a season: the roll-yaw model with play, or the bicycle if the file has no roll."""
     rolls = bool(rover.sprung_mass and rover.h and rover.roll_inertia)
     return Model("roll-yaw" if rolls else "bicycle", rover, SEASON, EFFECTS)
 
@@ -218,8 +218,8 @@ class MeasuredLog:
 
     source: path or URL as given. sha256: of its contents. day: ISO date (UTC), "" if not known; day_from:
     "GPS", "telemetry", "file name" or "file time". board: name and id of the autopilot's board, "" if not
-    logged. system: MAVLink id, "" if not known. vehicle: its name, where a vehicle file is named after it,
-    else "". vehicle_file: name of the file whose numbers were used.
+    logged. system: MAVLink id, "" if not known. vehicle: its name, if a vehicle file is named after it, else
+    "". vehicle_file: name of the file whose numbers were used.
     refused: the sentence of a log that cannot be used, "" for one that was fitted.
     """
 

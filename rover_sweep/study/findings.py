@@ -184,7 +184,7 @@ def _why_lost(study: Study) -> str:
 
 
 def yaw_gain(practice: Practice, model: str, check: str) -> float:
-    """Standard deviation of a model's yaw rate over that of the measured one."""
+    """Standard deviation of a model's yaw rate over the measured yaw rate's."""
     overlay = next(o for o in practice.check(model, check).overlays if o.channel == "r")
     return float(overlay.model.std() / overlay.measured.std())
 

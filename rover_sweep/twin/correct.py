@@ -98,7 +98,7 @@ def halved(before: PlantParameters, by: Corrected) -> Corrected:
 
 
 def _between(one: Any, two: Any) -> Any:
-    """The middle of two numbers, of their logarithms where both are above 0; else the second value."""
+    """The mean of two numbers, of their logarithms if both are above 0; else the second value."""
     if isinstance(two, tuple):
         return tuple(_between(a, b) for a, b in zip(one, two, strict=True))
     if not isinstance(one, float) or not isinstance(two, float):

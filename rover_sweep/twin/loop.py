@@ -172,7 +172,7 @@ TABLES = ("effects", "laws")
 
 
 def variant_with_reasons(rover: PlantParameters, corrections: Sequence[Correction], origin: str) -> str:
-    """The variant as TOML text. origin: what the rover was before the corrections, in words."""
+    """The variant as TOML text. origin: the uncorrected rover, in words."""
     nominal = load_variant("nominal")
     reasons = {
         c.entry: [f"# was {c.before or 'not there'}: {' '.join(c.reason.split())}"] for c in corrections
@@ -243,9 +243,9 @@ def twin_of(
 
     A correction that does not help, or with which the rover cannot be driven, is halved first.
 
-    rover: to begin with; measured: entries of it that were replaced by those of a vehicle file. model: of the
-    recordings. drive(rover) -> its recordings with the steering of all recorded runs; compare(recordings,
-    names of the laws that the simulation has, the rover, quantities that were corrected before).
+    rover: the first one; measured: its entries that a vehicle file replaced. model: of the recordings.
+    drive(rover) -> its recordings with the steering of all recorded runs; compare(recordings, names of the
+    laws that the simulation has, the rover, quantities that were corrected before).
     """
     started = time.monotonic()
     driven = [_Driven(rover, Corrected(rover, (), ()), _compared(rover, model, drive, compare))]
@@ -325,7 +325,7 @@ def _compared(
 def laws_of(rover: PlantParameters, model: AugmentedModel) -> tuple[str, ...]:
     """Names of the laws of a simulated rover, without those that act on the speed alone.
 
-    A change of ground counts only where the recordings' model has it, with its run.
+    A change of ground counts only if the recordings' model has it, with its run.
     """
     known = library()
     own = {form_named(name).id for name in model.effects}

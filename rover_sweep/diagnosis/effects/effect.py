@@ -75,7 +75,7 @@ class Effect:
     id: name in files and on the command line. title, equation: for reports, in the field's symbols, SI
     units, ISO axes. source: a reference. apart: how it differs from
     similar effects. next_run: what to drive or measure to confirm it.
-    baselines: the models that can lack it. channels: at least one of these must be recorded.
+    baselines: models that can lack it. channels: at least one of these must be recorded.
     signed: both signs of the parameters are possible.
     releases: {nominal coordinate: (low, high)} that the effect frees beyond the normal tolerance.
     report_values: ({parameter: value}) -> values for a user, if they differ from the fitted ones.
@@ -139,14 +139,14 @@ class Effect:
         return {name: size for name, size in sizes.items() if size > 0}
 
     def exceeds(self, x: Values, thresholds: Mapping[str, float]) -> bool:
-        """True where any parameter reaches its threshold, or no parameter has one."""
+        """True if any parameter reaches its threshold, or none has a threshold."""
         found = self.values(x)
         size = {p.name: abs(p.coordinate(found[p.name])) for p in self.parameters}
         return not thresholds or any(size[name] >= least for name, least in thresholds.items())
 
 
 def family(first: Effect, *forms: Mapping[str, Any]) -> tuple[Effect, ...]:
-    """The first law of an effect and its other forms, each {field: value} where it differs from the first.
+    """The first law of an effect and its other forms, given as {field: value} that differ from the first.
 
     "kind": class of a form that acts elsewhere; it shares the texts, baselines and channels of the first.
     """

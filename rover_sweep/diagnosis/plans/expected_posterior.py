@@ -8,7 +8,7 @@ minimum over h, n and a, within the tolerances of h:
     C(E) = |y|^2 + min over z of (z^T (K + W) z - 2 z^T s),   W: information of the priors
 
 and its weight has the same tempering, widths of parameters and prior odds as that of driven runs. Something
-else is expected to explain as much as the best explanation. Data are drawn from the model that the posterior
+else is assumed to explain as much as the best explanation. Data are drawn from the model that the posterior
 assumes: an effect at its size beyond the tolerances, tolerances and noise with the variance `COARSE` with
 which they count. Hence
 
@@ -253,7 +253,7 @@ class _Batch:
     """All explanations with as many columns d each, so that they are solved at once; (explanations, d) each.
 
     idx: their columns. inner (explanations, d, d): K + W. low, high: bounds. width: of the prior, in the
-    column's unit. own: True for the columns of the effect; tied: for the coordinates that it goes on from.
+    column's unit. own: True for the columns of the effect; tied: for coordinates that the effect extends.
     """
 
     idx: NDArray[np.intp]
@@ -265,7 +265,7 @@ class _Batch:
     tied: NDArray[np.bool_]
 
     def limited(self, scores: Array) -> tuple[Array, NDArray[np.bool_]]:
-        """(values, True where it is at its bound), (truths, explanations, d), of the fit without noise.
+        """(values, True at a bound), each (truths, explanations, d), of the fit without noise.
 
         scores (truths, k + 1). Each pass holds the coordinate that leaves its bounds farthest.
         """
@@ -287,7 +287,7 @@ class _Batch:
         return np.asarray(np.sum(found * (self.inner @ found - 2.0 * at), axis=2))
 
     def occam(self, pinned: NDArray[np.bool_]) -> Array:
-        """(truths, explanations): ln of the widths left to the own parameters over those of the priors."""
+        """(truths, explanations): ln of posterior width over prior width of the own parameters."""
         inner = self._held((pinned & ~self.own) | self.tied)
         spread = np.sqrt(COARSE * np.diagonal(np.linalg.inv(inner), axis1=2, axis2=3))
         widths = np.minimum(np.log(SPAN * spread / self.width), 0.0)

@@ -138,7 +138,7 @@ def _chosen(planner: Planner, now: tuple[PlannedRun, ...], limits: Limits) -> tu
 
 
 def _answer(any_given: bool, given: Expected, best: Expected, added: int) -> tuple[str, ...]:
-    """First what the given runs are expected to name, then what the proposal adds, then what stays open."""
+    """Sentences on the effects that the given runs show, that the proposal adds, and that stay open."""
     asked, count = len(best.truths) - 1, "1 run" if added == 1 else f"{added} runs"
     open_now = [e for e in best.truths if e not in (NONE, *best.separated)]
     left = (f"not detected and separated at their usual size: {in_words(open_now)}",) if open_now else ()

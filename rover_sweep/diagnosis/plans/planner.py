@@ -271,7 +271,7 @@ class Planner:
         return [e.id for e in self.effects if not self.wanted or e.id in self.wanted]
 
     def experiment(self, run: PlannedRun) -> Experiment:
-        """The run as it was driven, or as it would be driven."""
+        """The run as it was driven, or would be driven."""
         if run.name in self.driven:
             return self.driven[run.name]
         channels = ["delta"] if run.kind == "servo_test" else [c for c in NOISE if c != "Hz"]
@@ -321,7 +321,7 @@ class Planner:
         why = dict.fromkeys(hidden, "these runs hardly excite it") | why
         if not self.wanted:
             why.setdefault(
-                "speed_variation", "it shows in the measured speed, whose noise is not known before the run"
+                "speed_variation", "it shows in the measured speed; its noise is not known before the run"
             )
         why |= self.settled
         return tuple(Unseen(e, w) for e, w in sorted(why.items()) if not self.wanted or e in self.wanted)

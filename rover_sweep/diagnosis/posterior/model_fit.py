@@ -74,7 +74,7 @@ def transfers(
 def added_rows(problem: Problem, found: Sequence[RunTransfers], place: str, spectra: Sequence[Any]) -> Array:
     """Whitened rows (size,) that signals add at a place, in the problem's metric.
 
-    spectra: those of the signals, as `tapered_spectrum` gives them, one for each run.
+    spectra: of the signals by `tapered_spectrum`, one for each run.
     """
     parts = []
     for row in problem.rows:
@@ -262,7 +262,7 @@ class ModelFit:
         return {c: float(np.mean(part**2)) for c, part in parts.items() if part.size}
 
     def with_explanation(self, fitted: Fitted) -> ModelFit:
-        """Another model that was fitted in the same metric, with its closest fit."""
+        """Another model, fitted in the same metric, with its closest fit."""
         return replace(self, closest=fit(self.problem.plain, fitted.model, fitted.x), fitted=fitted)
 
 

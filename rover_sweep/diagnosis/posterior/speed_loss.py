@@ -60,8 +60,8 @@ class _Regression:
 class SpeedLoss:
     """D [s^2/m] with its 90 % interval; lag [s] of the drive; gain: drop of the cost over the noise.
 
-    ratio: rms of the residual without D over that with it. probability: that turns cost speed. drop: largest
-    loss over the mean speed. noise: variance of the residual speed [m^2/s^2].
+    ratio: residual rms without D/with D. probability: that turns cost speed. drop: largest loss/mean speed.
+    noise: variance of the residual speed [m^2/s^2].
     """
 
     loss: float
@@ -249,7 +249,7 @@ def speed_finding(found: SpeedLoss, whole: FittedModel, unused: Sequence[HeldOut
 
 
 def earned(found: Finding) -> bool:
-    """False where held-out runs judge the loss, and it removes less than 5 % of the speed's error on average.
+    """False if the loss removes less than 5 % of the speed's error on average over the held-out runs.
 
     An absent loss removed 0.3 %. A run that is at the noise without the loss counts against it.
     """

@@ -140,7 +140,7 @@ Law = Callable[[VehicleNumbers, Array], Array]
 
 
 def answer_curves(last: ModelFit, drawn: Sequence[Mapping[str, float]]) -> tuple[LawCurve, ...]:
-    """The curves of both tyres, and of steering, damper and yaw moment where an effect acts on them.
+    """The curves of both tyres, and of steering, damper and yaw moment if an effect acts on them.
 
     () of a lumped model.
     """
@@ -252,7 +252,7 @@ class UnnamedFamily:
     moved: Array
 
     def evidence(self, variance: float) -> float:
-        """ln of the marginal likelihood with the family over that without, at a variance of the rows."""
+        """ln of (marginal likelihood with the family/without it), at a variance of the rows."""
         return self.at_best(variance)[0]
 
     def at_best(self, variance: float) -> tuple[float, Array, Array]:

@@ -4,9 +4,9 @@
 
 C: sum of squares of rows and priors in the runs of the fit, H: of the rows of held-out runs, to which nothing
 is fitted. v, v_h: mean squares of a row under the best explanation, at least 1. t, t_h: no model is exact, so
-thousands of rows do not count as thousands of witnesses (`problem.least_squares`). Occam: the width that the
-data leave to each parameter of an effect over the width of its prior, once for each form, and run, that was
-tried (Laplace's approximation: MacKay 1992, Neural Computation 4(3)).
+a row counts less than an independent measurement (`problem.least_squares`). Occam: posterior width over prior
+width of each parameter of an effect, once for each form, and run, that was tried (Laplace's approximation:
+MacKay 1992, Neural Computation 4(3)).
 
 With E there may be something else, a family f without a name (`unnamed`), which has the weight
 

@@ -4,9 +4,9 @@ The problem: minimise over the free coordinates x, low <= x <= high,
 
     cost(x) = |y - f(x)|^2 + t sum over coordinates with a prior ((x_k - start_k)/prior_k)^2
 
-t = `COARSE`: no model is exact, so thousands of rows do not count as thousands of witnesses. Their likelihood
-is taken to the power 1/t (Miller and Dunson 2019, J. Am. Stat. Assoc. 114); a prior is not. A cost over t is
-then twice a negative log of a probability.
+t = `COARSE`: no model is exact, so a row counts less than an independent measurement. The likelihood is taken
+to the power 1/t (Miller and Dunson 2019, J. Am. Stat. Assoc. 114); a prior is not. A cost over t is then
+twice a negative log of a probability.
 
 y: whitened measured rows, f(x): the model's rows. With r = y - f(x), the scaled step h_k = dx_k/scale_k, the
 Jacobian J (size, k) of f by x/scale, and W = t diag((scale/prior)^2), the linearised cost is minimal where
@@ -167,7 +167,7 @@ def _jacobian(
 
 
 def prior_information(free: Sequence[Coordinate], absent: float = 0.0) -> Array:
-    """W (k,) of the coordinates' priors, in their scales; absent: where there is no prior."""
+    """W (k,) of the coordinates' priors, in their scales; absent: value without prior."""
     return np.array([COARSE * (c.scale / c.prior) ** 2 if c.prior else absent for c in free])
 
 
@@ -251,7 +251,7 @@ def signatures(
 ) -> list[Signature]:
     """Signatures of effects at a fitted model; of an effect in one run (a change of ground) one per run.
 
-    at: {coordinate: size}, the parameter's own size where it is missing. tolerances: at the tolerance of each
+    at: {coordinate: size}, by default the parameter's own size. tolerances: at the tolerance of each
     parameter, of those that have one.
     """
     now = problem.model(base.model, base.x)

@@ -83,7 +83,7 @@ class Floor:
         return np.where(f < lowest, inside * (lowest / np.maximum(f, 0.05 * lowest)) ** 2, inside)
 
     def times(self, levels: Mapping[str, float]) -> Floor:
-        """The floor with the density of each channel times its level, 1 where there is none."""
+        """The floor with the density of each channel times its level (default 1)."""
         return replace(self, density={c: d * levels.get(c, 1.0) for c, d in self.density.items()})
 
     def rms(self, channel: str, low: float, high: float) -> float:
@@ -158,7 +158,7 @@ def quiet_frames(runs: Sequence[Experiment]) -> tuple[Array, Array]:
 
 
 def level_of(run: Experiment, residual: Mapping[str, Array], floor: Floor) -> dict[str, float]:
-    """{channel: noise power of one run over that of a floor}.
+    """{channel: noise power of one run over the floor's}.
 
     residual {channel: (n,)}: of a model that fits. Mean over the quiet lines from 1 Hz (removing mean and
     slope costs power below) to `TOP` (filters leave less than the least floor above); 1 for fewer than 100
@@ -208,7 +208,7 @@ def _retained(size: int) -> Array:
 
 
 def _quiet(run: Experiment, f: Array, size: int) -> NDArray[np.bool_]:
-    """(m, k) True where the run excites neither that frequency nor one of its subharmonics."""
+    """(m, k) True if the run excites neither that frequency nor a subharmonic of it."""
     frames = _frames(run.steer, size)
     flat = frames - frames.mean(axis=1, keepdims=True)
     window = np.hanning(size)
@@ -224,7 +224,7 @@ def _quiet(run: Experiment, f: Array, size: int) -> NDArray[np.bool_]:
 
 
 def _pooled(power: Array, f: Array, local: Array | None = None) -> Array:
-    """Mean density (k-1,) of the quiet frames where there are at least four, else from the neighbours.
+    """Mean density (k-1,) of the quiet frames if there are four or more, else from neighbours.
 
     local (k-1,): density to take instead of the neighbours', for lines that are never quiet.
     """
@@ -304,8 +304,8 @@ def band_level(f: Array, density: Array) -> float:
 def resolved_top(f: Array, measured: Array, level: float) -> float:
     """The frequency [Hz] above which the measured density (k,) has collapsed; infinite where it has not.
 
-    level: floor within `BAND`. Judged on the mean over 1 Hz, so that a notch alone does not count, and from
-    2 Hz on, so that a yaw mode stays visible.
+    level: floor within `BAND`. Judged on means over 1 Hz, to ignore a single notch, and from 2 Hz on, to keep
+    a yaw mode.
     """
     width = max(int(np.ceil(1.0 / f[0])) if f[0] > 0 else 1, 1)  # lines within 1 Hz
     smooth = np.convolve(np.pad(measured, width // 2, mode="edge"), np.full(width, 1.0 / width), mode="same")

@@ -57,7 +57,7 @@ class Rows:
 class Metric:
     """(I + s s^T)^(-1/2) = I + s inner s^T, in which noise and normal tolerances count the same.
 
-    s (rows, k): orthogonal combinations of the tolerances' rows at one standard deviation, those whose square
+    s (rows, k): orthogonal combinations of the tolerances' rows at one standard deviation, if their square
     g^2 is above `FAINT`. inner (k, k): diagonal, h(g^2) with h(x) = (1/sqrt(1 + x) - 1)/x.
     """
 

@@ -101,7 +101,7 @@ def coordinates(
 
 
 def has_roll(rover: Geometry) -> bool:
-    """True where the vehicle file has the numbers of a model with roll."""
+    """True if the vehicle file has the numbers of a model with roll."""
     return bool(rover.sprung_mass and rover.h and rover.roll_inertia)
 
 
@@ -136,7 +136,7 @@ def _log(name: str, start: float, unit: str) -> Coordinate:
 def derivatives(rover: Geometry, roll: bool) -> tuple[Coordinate, ...]:
     """The coordinates "Y_v" to "N_delta", those by v and r times the speed; without roll none by p or phi.
 
-    Each is bounded by ten times its first value, or the median of its row where that is larger.
+    Each is bounded by ten times its first value, or its row's median if that is larger.
     """
     first = _first(rover, roll)
     rows = {row: {c: first[f"{row}_{c}"] for c in COLUMNS if f"{row}_{c}" in first} for row in ROWS}
@@ -320,7 +320,7 @@ class Model:
         return {"wheelbase": max(self.rover.wheelbase / 0.5, 1.0), "roll moment": max(moment / 3.0, 1.0)}
 
     def with_effect(self, effect: str, run: str = "", order: int = 0) -> Model:
-        """This model with a law added, by its name; run, order: in which it happened."""
+        """This model plus a law, by its name. run, order: the run in which it happens."""
         more = replace(self, effects=(*self.effects, effect))
         return replace(more, happened_in=run, happened_order=order) if run else more
 

@@ -89,8 +89,8 @@ class Experiment:
     def _lost_in_turns(self, changes: Array) -> Array:
         """The part (n,) of the speed's changes that follows r d, the drag of turned wheels [m/s].
 
-        The wheels' side force m_f r V slows the rover by its part along the body, sin d; the drive makes good
-        the loss in a lag that the fit leaves open. Fitted where the changes are small.
+        The wheels' side force m_f r V slows the rover by its part along the body, sin d; the drive corrects
+        the loss with a lag that is fitted. Fitted where the changes are small.
         """
         small = _may_be_error(changes) >= 1.0
         if "r" not in self.measured or np.count_nonzero(small) < RATE:
@@ -133,7 +133,7 @@ def _quick(x: Array) -> Array:
 
 
 def _smooth(x: Array, seconds: float) -> Array:
-    """x (n,) behind a Gaussian of this standard deviation, by the Fourier transform: it has 3000 points."""
+    """x (n,) smoothed by a Gaussian of this standard deviation; by FFT, since it has 3000 points."""
     reach = round(4 * seconds * RATE)
     weights = gaussian(2 * reach + 1, seconds * RATE)
     return np.asarray(oaconvolve(np.pad(x, reach, mode="edge"), weights / weights.sum(), mode="valid"))

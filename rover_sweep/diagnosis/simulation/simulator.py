@@ -394,7 +394,7 @@ def roll_only(across, yaw_rate_dot, q, dt):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, fastmath=FAST)
 def _sine(angle: float) -> float:
-    """sin(angle [rad]); its series below 0.2, where the series is exact to 3e-9."""
+    """sin(angle [rad]); below 0.2 by its series, which is exact to 3e-9 there."""
     if -0.2 < angle < 0.2:
         square = angle * angle
         return angle * (1.0 - square * (1.0 / 6.0 - square / 120.0))
@@ -409,8 +409,8 @@ def at_the_imu(body, place, errors, dt):  # type: ignore[no-untyped-def]
     IMU [m]. errors: (bias of a_y [m/s^2], relative error of V_y, error of the heading [rad], lag of V_y
     [s]). dt: step [s].
 
-    The lag acts in earth axes, so in a turn it takes T V r from V_y as well. It is that of the trapezoidal
-    rule, whose delay equals it; its state is kept in body axes, which turn by r dt.
+    The lag acts in earth axes, so in a turn it takes T V r from V_y as well. It uses the trapezoidal rule,
+    which keeps its delay; its state is kept in body axes, which turn by r dt.
     """
     speed, across, weight, v, r, p, phi, r_dot, p_dot = body
     ahead, above = place

@@ -39,8 +39,8 @@ class VehicleNumbers(NamedTuple):
     angle per roll angle, e_rear the same of the rear axle. T_roll: dry friction torque. ln_width: ln of its
     smooth width over `SGN_WIDTH`. tyre_form: 0 tanh, 1 brush, 2 a falling peak, 3 a knee. yaw_damp [N m s]
     and yaw_damp_v [N m^2]: yaw moments -yaw_damp r and -yaw_damp_v r/V. compliance [rad/N]: angle of the
-    front wheels that the front side force takes away. track [m^2]: square of the half track, by which the
-    wheels of both sides differ in slip.
+    front wheels lost per front side force. track [m^2]: square of the half track, by which the wheels of both
+    sides differ in slip.
     """
 
     m: float
@@ -96,7 +96,7 @@ def tyre_force(alpha, c, load, inv_load, inv_mu, bend, form):  # type: ignore[no
 
 @njit(cache=True, nogil=True, fastmath=FAST)
 def _angle(slope: float) -> float:
-    """atan [rad]; its series below 0.2, where the series is exact to 1e-6 rad."""
+    """atan [rad]; below 0.2 by its series, which is exact to 1e-6 rad there."""
     if -0.2 < slope < 0.2:
         square = slope * slope
         return slope * (1.0 - square * (1.0 / 3.0 - square * (0.2 - square / 7.0)))
@@ -150,7 +150,7 @@ def _plus(x, step, dx):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, fastmath=FAST, inline="always")
 def _finite(x, top_force):  # type: ignore[no-untyped-def]
-    """The state, 0 where an unstable trial of a fit has left all bounds."""
+    """The state, set to 0 if an unstable trial of a fit diverged."""
     return (
         x[0] if abs(x[0]) < 1e3 else 0.0,
         x[1] if abs(x[1]) < 1e3 else 0.0,
