@@ -205,8 +205,8 @@ class Correction:
     """One entry of a variant file that was changed.
 
     entry: a number's name, or "effects.<id>". before, after: as text, "" for an effect that is not there.
-    recordings: what the recordings show, with its 90 % interval, as text. reason: one sentence. unit: of a
-    number, or of each parameter of an effect.
+    recordings: their value with its 90 % interval, as text. reason: one sentence. unit: of a number, or of
+    each parameter of an effect.
     """
 
     entry: str

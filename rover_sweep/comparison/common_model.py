@@ -4,7 +4,7 @@ Missing terms of the model's equations bias both fits alike, so their difference
 (indirect inference: Gourieroux, Monfort and Renault 1993, J. Applied Econometrics 8).
 
 The tolerances of a vehicle file are widened here by about five: a simulation may have any numbers. Small
-effects that every rover has are not allowed for: a compliant steering, for one, would hide a wrong Cf.
+effects that every rover has get no tolerance: a compliant steering, for one, would hide a wrong Cf.
 """
 
 from __future__ import annotations

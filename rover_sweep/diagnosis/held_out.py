@@ -80,7 +80,7 @@ def worse_channels(held: HeldOutRun, before: FittedModel, after: FittedModel) ->
 
 
 def worse_by(before: Array, after: Array) -> float:
-    """By how much the second residual's sum of squares is larger (rows (n,)), beyond the noise.
+    """Increase of the sum of squares from the first to the second rows (n,), beyond the noise.
 
     If one of the models is right, the difference of the sums of squares has the standard deviation
     2 sqrt(s^T s), s the difference of their rows.

@@ -24,8 +24,8 @@ class Profile(PlainNumbers):
     """The residual over one quantity, for a small picture.
 
     over: the quantity ("frequency", "amplitude", "speed", "time", "heading", "turn", "harmonic", "run");
-    unit: its unit, "" for words. x: (n,) values, or words such as "left"; ratio: (n,) rms over noise, of
-    "heading" the fitted part over noise, positive to the left.
+    unit: its unit, "" for words. x: (n,) values, or words such as "left"; ratio: (n,) rms over noise; for
+    "heading" the fitted part over it, positive to the left.
     """
 
     over: str
@@ -197,7 +197,7 @@ class Unknown(PlainNumbers):
 
 @dataclass(frozen=True)
 class UpperBound(PlainNumbers):
-    """Values, in `unit`, of a parameter of an unfound effect that are possible at 95 %.
+    """Possible values (95 %), in `unit`, of a parameter of an effect not found.
 
     low, high: its range, None: no limit. matters: smaller sizes are normal tolerance;
     None: every size counts.

@@ -224,7 +224,7 @@ def _judged(name: str, held: Problem, base: Fitted, best: Fitted) -> LawHeldOut:
 
 
 def drawn_laws(found: FoundLaws, one: FoundLaw, number: int, seed: int) -> list[TableLaw]:
-    """The law with coordinates drawn from the posterior, the noise scaled to the residual that is left."""
+    """The law with coordinates drawn from the posterior, with noise as large as the final residual."""
     fitted = found.fitted
     normal = fitted.jacobian.T @ fitted.jacobian / fitted.overdispersion
     covariance = np.linalg.inv(normal + np.diag(prior_information(fitted.free, absent=WEAK)))

@@ -313,7 +313,7 @@ def importance_words(f: Finding) -> str:
 
 
 def turn_change(found: Diagnosis) -> tuple[float, float] | None:
-    """(delay [s], at most 0.4 s, relative change) of the yaw rate by all findings; None without.
+    """(delay [s] up to 0.4 s, relative change) of the yaw rate by all findings, None without.
 
     By least squares from the simulated yaw rate of the first run, against the model without them.
     """

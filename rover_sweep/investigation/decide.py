@@ -144,8 +144,8 @@ def _bounds(found: Diagnosis) -> OpenQuestions:
 def told(before: Odds, found: Diagnosis) -> float:
     """Information [bit] that the diagnosis adds to the probabilities `before`.
 
-    The divergence of their probabilities now from those before (Lindley 1956). Its mean over all outcomes of
-    a run is what the plan expects.
+    The divergence of their probabilities now from those before (Lindley 1956). The plan predicts its mean
+    over all outcomes of a run.
     """
     now = {f.effect: f.probability or 0.0 for f in found.findings}
     now |= {e: f.evidence.get(f"probability:{e}", 0.0) for f in found.findings for e in f.look_alikes}
@@ -160,7 +160,7 @@ def told(before: Odds, found: Diagnosis) -> float:
 def times_over(bound: UpperBound) -> float:
     """The bound over the size that matters: 1 if they are equal, inf if that size is not known.
 
-    A ratio counts by its logarithm; of a parameter that is absent at infinity the reciprocal counts.
+    For a ratio the logarithm counts; for a parameter that is infinite if absent, the reciprocal.
     """
     value, matters = bound.value, bound.matters
     if not value or not matters:

@@ -41,8 +41,8 @@ class Drift:
     """Something that changed on a vehicle.
 
     quantity: its name. day: first day after a step, or last day before a gradual change begins; earliest,
-    latest: its 95 % interval (days of logs). before, after: the quantity (at the end of the season where
-    gradual), None for a board. low, high: 90 % interval of after minus before, or of after/before where
+    latest: its 95 % interval (days of logs). before, after: the quantity (gradual: at the end of the season),
+    None for a board. low, high: 90 % interval of after minus before, or of after/before where
     `relative`. ratio: change over its standard deviation. matters: False if within tolerance.
     cause: simultaneous event that explains it, "" for none. parameters: changes at that time.
     """
@@ -114,7 +114,7 @@ class VehicleSeason:
 
 @dataclass(frozen=True)
 class Season:
-    """A fleet's season. refused: (source, why) of every log without a fit. tests: their number."""
+    """A fleet's season. refused: (source, why) of every log without a fit. tests: number made."""
 
     sentence: str
     vehicles: tuple[VehicleSeason, ...]
@@ -267,12 +267,12 @@ class VehicleDay:
 
     @property
     def parameters(self) -> Mapping[str, float]:
-        """From the last log of the day."""
+        """Parameters in the day's last log."""
         return self.logs[-1].parameters
 
     @property
     def board(self) -> str:
-        """From the last log of the day, "" if not logged."""
+        """Board in the day's last log, "" if not logged."""
         return self.logs[-1].board
 
 

@@ -420,7 +420,7 @@ def yaw_rate(study: Study) -> StudyFinding:
 
 
 def speed_limit(study: Study) -> StudyFinding:
-    """Not in the paper: its rover oversteers, and its models are unstable above a speed."""
+    """Not in the paper: the speed above which its oversteering models are unstable."""
     ours = {m: handling(study.known.fit(m)).get("critical_speed") for m in PHYSICAL}
     words = ", ".join(f"{m} {number(v, 2) + ' m/s' if v else 'never'}" for m, v in ours.items())
     inside = [

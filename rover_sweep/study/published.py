@@ -40,7 +40,7 @@ class Printed:
 
 @dataclass(frozen=True)
 class TimeDomain:
-    """A row of Tables 6 and 7: j_rms in the units of the paper, which it does not state; tic from 0 to 1."""
+    """A row of Tables 6 and 7: j_rms in units that the paper does not state; tic from 0 to 1."""
 
     j_rms: float
     tic: float

@@ -41,7 +41,7 @@ def all_findings(study: Study) -> tuple[StudyFinding, ...]:
 
 
 def outcome_counts(found: tuple[StudyFinding, ...]) -> str:
-    """How many findings came out, and which did not."""
+    """How many findings hold, and which do not."""
     came = sum(f.outcome == "came out" for f in found)
     part = sum(f.outcome == "came out in part" for f in found)
     not_out = [f.key for f in found if f.outcome == "did not come out"]

@@ -77,7 +77,7 @@ class RunSet:
 
     @staticmethod
     def of(given: Assumed, runs: Sequence[RunEvidence]) -> RunSet:
-        """The set of these runs; list a repeated run repeatedly."""
+        """The set of these runs; list a repeated run again."""
         alone = {e for e, effect in given.effects.items() if effect.in_one_run}
         named = [[(*key, n if key[0] in alone else 0) for key in run.keys] for n, run in enumerate(runs)]
         keys = sorted({key for each in named for key in each})
@@ -358,7 +358,7 @@ class Reach:
 
 @dataclass(frozen=True, eq=False)
 class RunEvidence:
-    """keys: of the k columns. gram (k, k): their inner products; root (k, k): its square root."""
+    """k columns of a run, by keys. gram (k, k): inner products; root (k, k): its square root."""
 
     keys: tuple[Key, ...]
     gram: Array

@@ -290,7 +290,7 @@ class Planner:
         return run if share == 1.0 else replace(run, amplitude_us=10.0 * (share * run.amplitude_us // 10.0))
 
     def simulate(self, runs: Sequence[PlannedRun], share: tuple[float, float]) -> None:
-        """Simulates the new runs; share: done of the whole work, before and after."""
+        """Simulates the new runs; share: of all work, done before and after."""
         new = [r for r in dict.fromkeys(_single(run) for run in runs) if r not in self._evidence]
         for k, run in enumerate(new):
             self.progress(f"simulating: {run_text(run)}", share[0] + (share[1] - share[0]) * k / len(new))
@@ -315,7 +315,7 @@ class Planner:
         return expected(self.together(runs), [NONE, *self.asked])
 
     def unseen(self, runs: Sequence[PlannedRun], hidden: Sequence[str]) -> tuple[Unseen, ...]:
-        """Effects that a set cannot show, with the reason. hidden: those that no size shows."""
+        """Effects that a set of runs cannot show, and why. hidden: those that no size shows."""
         driven = [self.experiment(run) for run in runs if run.kind != "servo_test"]
         why = possible(self.model, driven)[1] if driven else {}
         why = dict.fromkeys(hidden, "these runs hardly excite it") | why

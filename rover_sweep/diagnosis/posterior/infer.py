@@ -111,7 +111,7 @@ class Explored:
 
     @property
     def posterior(self) -> Posterior:
-        """The probabilities of all."""
+        """The probability of each."""
         return posterior(self.evidence, self.held_rows, self.others)
 
 

@@ -212,7 +212,7 @@ class AtPredictedSpeed(FittedModel):
     lag: float
 
     def speed(self, run: Experiment) -> Array:
-        """The speed (n,) [m/s] by the rover's own drag and this loss, about the run's mean."""
+        """Speed (n,) [m/s] predicted from own drag and this loss, about the run's mean."""
         drive = _drive(run, self.model, self.x)
         taken = _through(drive.own - self.loss * drive.square, self.lag)
         return float(np.mean(run.speed)) + taken - float(np.mean(taken))

@@ -2,10 +2,10 @@
 
 The bound is the upper 95 % quantile of the posterior of the size, for each sign of each parameter. With the
 unit direction u of the part of the signature that the nominal model cannot explain, and r the residual rows
-there, the data give the length u^T r of the signature with the standard deviation sqrt(v), v the variance
-with which the likelihood counts (`posterior.weights`); a length is not negative. A signature grows with the
-size by a power law through the lengths at two sizes, since that of a limit grows steeply; it is computed
-again at the size that was found.
+there, the data give the length u^T r of the signature with the standard deviation sqrt(v), v the variance in
+the tempered likelihood (`posterior.weights`); a length is not negative. A signature grows with the size by a
+power law through the lengths at two sizes, since that of a limit grows steeply; it is computed again at the
+size that was found.
 
 If the nominal model has the same coordinate, it absorbs the effect up to the coordinate's bound, where the
 length begins. With a prior of standard deviation s, it absorbs a part at a cost: the size q with rows of the
@@ -254,7 +254,7 @@ def _ranges(
 
 
 def reported_value(effect: Effect, p: EffectParameter, coordinate: float) -> tuple[str, str, float]:
-    """(name, unit, value) of one parameter as a user reads it."""
+    """(name, unit, value) of one parameter, for a user."""
     if not isfinite(coordinate):
         value = coordinate if p.form == "plain" else inf if coordinate > 0 else -inf
         name, unit, _ = reported_value(effect, p, p.low if coordinate < 0 else p.high)

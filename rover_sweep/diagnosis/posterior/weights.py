@@ -49,8 +49,8 @@ class ExplanationEvidence:
 
     effects: their ids. cost: sum of squares of rows and priors; rows: number of rows; data: their sum of
     squares. held: sum of squares of the held-out rows, 0 without such runs. tries: forms, and runs, that were
-    tried. widths: of each parameter after the data, at a row variance of 1, over that of its prior. material:
-    ids of the effects whose size matters.
+    tried. widths: posterior over prior width of each parameter, at a row variance of 1. material: ids of the
+    effects whose size matters.
     """
 
     effects: frozenset[str]
@@ -82,7 +82,7 @@ class SomethingElse:
 class Weighed:
     """An explanation with its probability. matters: {effect: probability that it is real and matters}.
 
-    unnamed: and something else.
+    unnamed: plus something else.
     """
 
     effects: frozenset[str]

@@ -48,7 +48,7 @@ from rover_sweep.diagnosis.simulation.simulator import FittedModel, logged
 from rover_sweep.spectra.side_by_side import side_by_side
 
 COARSE = 6.0
-"""Rows that count as one; with `posterior.weights`, it has the best mean log score on drawn rovers."""
+"""Rows that count as one; with `posterior.weights` it has the best mean log score on drawn rovers."""
 WEAK = 1e-9  # information on a coordinate without a prior, so that a singular problem can be inverted
 AT_BOUND = 1e-6  # of a coordinate's scale: nearer to a bound, it is at the bound
 
@@ -59,7 +59,7 @@ class Fitted(FittedModel):
 
     free: the k fitted coordinates. cost: sum of squares of rows and priors. rows (size,): whitened residual,
     measured minus model. jacobian (size, k): derivatives of the model's rows by the coordinates over their
-    scales. own: computed at or near x, not in an earlier fit.
+    scales. own: jacobian computed at or near x, not kept.
     """
 
     free: tuple[Coordinate, ...]
@@ -251,8 +251,8 @@ def signatures(
 ) -> list[Signature]:
     """Signatures of effects at a fitted model; of an effect in one run (a change of ground) one per run.
 
-    at: {coordinate: size}, by default the parameter's own size. tolerances: at the tolerance of each
-    parameter, of those that have one.
+    at: {coordinate: size}, by default the parameter's own size. tolerances: at each parameter's tolerance;
+    none without one.
     """
     now = problem.model(base.model, base.x)
     wanted = [

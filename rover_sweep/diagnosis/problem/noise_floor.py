@@ -290,7 +290,7 @@ def incoherent_density(drive: NDArray[np.complex128], out: NDArray[np.complex128
 
 
 def bounded(f: Array, density: Array) -> Array:
-    """The density (k,) at f (k,) [Hz], above `BAND` not below `KEPT` of its median there."""
+    """The density (k,) at f (k,) [Hz]; above `BAND` at least `KEPT` of the median in it."""
     level = band_level(f, density)
     return np.where(f > BAND[1], np.maximum(density, KEPT * level), density)
 

@@ -320,7 +320,7 @@ class Model:
         return {"wheelbase": max(self.rover.wheelbase / 0.5, 1.0), "roll moment": max(moment / 3.0, 1.0)}
 
     def with_effect(self, effect: str, run: str = "", order: int = 0) -> Model:
-        """This model plus a law, by its name. run, order: the run in which it happens."""
+        """This model plus a law, by name. run, order: the run in which it happens."""
         more = replace(self, effects=(*self.effects, effect))
         return replace(more, happened_in=run, happened_order=order) if run else more
 

@@ -297,9 +297,9 @@ NO_LAW, TABLE, LAG, RESONATOR = -1, 0, 1, 2  # what a law does with a quantity o
 class LawNumbers(NamedTuple):
     """Numbers of m laws that act on the body, see `table_law.TableLaw`.
 
-    push (m, 3): side force, yaw and roll moment for 1 of y. given (m, n): known factor of y. kind (m,):
-    NO_LAW where y depends on nothing but `given`. over, times (m,): index in (v' + V r, r, p, phi, beta) of
-    the quantity, and of a factor, -1 for none. memory (m, 2): size, damping. x, y (m, k): the table; of a
+    push (m, 3): side force, yaw and roll moment per y. given (m, n): known factor of y. kind (m,): NO_LAW
+    where y depends on nothing but `given`. over, times (m,): index in (v' + V r, r, p, phi, beta) of the
+    quantity, and of a factor, -1 for none. memory (m, 2): size, damping. x, y (m, k): the table; of a
     resonator, y[0] and y[1].
     """
 

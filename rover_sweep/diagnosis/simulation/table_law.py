@@ -108,7 +108,7 @@ class TableLaw:
 
 
 def resonator(place: str, over: str, frequency: float, damping: float) -> TableLaw:
-    """A law with a hidden resonator whose y are 0."""
+    """A law with a hidden resonator and y = 0."""
     return TableLaw(place, over, (0.0, 1.0), (0.0, 0.0), memory="resonance", size=frequency, damping=damping)
 
 
@@ -152,7 +152,7 @@ def quantity(over: str, m: Mapping[str, Array], signal: Array | None = None) -> 
 
 
 def remembered(x: Array, memory: str, size: float) -> Array:
-    """x (n,) with a memory, see `TableLaw`."""
+    """x (n,) with memory, see `TableLaw`."""
     if memory == "lag":
         return x - lagged(x, size)
     if memory == "play":
@@ -203,9 +203,9 @@ def acting(law: TableLaw, m: Mapping[str, Array], signal: Array | None = None) -
 
 
 def law_at(law: TableLaw, name: str, root: Array, x: Values) -> TableLaw:
-    """The law at coordinates x of a model: name.z0, ... along the columns of root (k, m) are added to its y.
+    """The law at coordinates x of a model: its y plus name.z0, ... times the columns of root (k, m).
 
-    Of a resonator name.size and name.damping are changes of the logarithms of frequency and damping.
+    For a resonator, name.size and name.damping change the logarithms of frequency and damping.
     """
     y = root @ [x.get(f"{name}.z{k}", 0.0) for k in range(root.shape[1])] + law.y
     if law.memory == "resonance":
