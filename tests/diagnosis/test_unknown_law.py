@@ -65,7 +65,7 @@ def test_the_unknown_says_place_curve_worth_and_next_run() -> None:
     assert np.allclose(np.array(curve.y)[inside], 0.05 * np.abs(at[inside]), rtol=0.5)
     assert all(low <= y <= high for low, y, high in zip(curve.low, curve.y, curve.high, strict=True))
     assert found.could_be in found.sentence and found.next_run in found.sentence
-    assert "% of the residual" in found.sentence
+    assert "% of the held-out residual" in found.sentence
     (judged,) = found.held_out
     assert judged.after < judged.before and judged.run == "run3"
 
