@@ -203,7 +203,7 @@ def left_out(model: AugmentedModel) -> list[str]:
             why = "is not linear" if curved else "is not part of a linear model of the rover"
             out.append(f"{effect.id} ({effect.equation}; {numbers}) {why}")
         if isinstance(effect, FilterEffect) and effect.heading:
-            out.append("the heading lag of a filtered gyro, which rotates V_y, is not included")
+            out.append("the lag of the heading from a filtered gyro, which rotates V_y, is not included")
     for law in model.laws:
         why = "has a hidden state" if law.memory == "resonance" else "is a table, not linear"
         out.append(f"the law at the {law.place} over {law.over} {why}")
