@@ -258,7 +258,7 @@ def compared(
     measured: Known = MappingProxyType({}),
     changed: Collection[str] = (),
 ) -> Compared:
-    """`compare` with what pictures and corrections need. DataRefused where the recordings were refused.
+    """`compare` with the data for pictures and corrections. DataRefused where the recordings were refused.
 
     fitted, measured, changed: as in `rover_sweep.comparison.compare`.
     """

@@ -1,4 +1,4 @@
-"""Any driving in Python: from logs to what they show of the steering, without sweeps or a vehicle file."""
+"""Any driving in Python: from logs to numbers of the steering, without sweeps or a vehicle file."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ WHEELBASES = 0.02, 20.0  # m
 class DrivingIdentification(DrivingAnswer):
     """The result of `identify_driving`. It prints as a table.
 
-    read: how files of other systems were read, such as which columns were taken where no map was given.
+    read: how files of other systems were read, such as the columns that were found without a map.
     """
 
     sources: tuple[str, ...] = ()
@@ -59,10 +59,10 @@ def identify_driving(
     vehicle: Location | None = None,
     system: int | None = None,
 ) -> DrivingIdentification:
-    """What any driving of one rover shows of its steering: a mission, or driving about by hand.
+    """Identifies the steering of one rover from any driving: a mission, or driving by hand.
 
     sources: .BIN, .tlog, "log.BIN+log.tlog", or files of other systems (.csv, .parquet, .mat, .ulg, .bag,
-    .mcap), whose columns are found where `columns`, a column map, is not given; `read` then says which.
+    .mcap), whose columns are found if no column map `columns` is given; `read` then lists them.
     wheelbase [m], if it was measured: gives K_us in deg/g and the steering ratio. vehicle: a vehicle file
     instead, for these and, with its mass, yaw inertia and centre of gravity, the tyres. system: MAVLink id of
     the vehicle in a .tlog.

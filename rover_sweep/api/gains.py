@@ -56,8 +56,8 @@ def steering_gains(
 
 @dataclass(frozen=True, eq=False)
 class CheckedGains:
-    """steering, speed: of the present gains, forward and in reverse as far as driven and logged; before: of
-    both controllers in the earlier drive, none for one log with one set of gains."""
+    """steering, speed: checks of the present gains, forward and in reverse if driven and logged; before:
+    checks of the earlier drive, empty for one log with one set of gains."""
 
     before: tuple[tuple[SteeringCheck, ...], tuple[SpeedCheck, ...]]
     steering: tuple[SteeringCheck, ...]
@@ -65,9 +65,9 @@ class CheckedGains:
 
 
 def check_gains(logs: Sequence[Path], found: Identified | None = None) -> CheckedGains:
-    """How the present gains do in the logs (.BIN, .tlog) of one drive, or of one before and one after.
+    """Checks the present gains in logs (.BIN, .tlog) of one drive, or one before and one after a change.
 
-    A log in which the gains were changed is both: its first and its last set of gains. found: an identified
+    A log with changed gains counts as both: its first and its last set of gains. found: an identified
     model, which predicts the drives. UsageError for more than two logs, DataRefused for one without the
     controller's messages or without driving.
     """

@@ -93,9 +93,8 @@ SEED = 1
 def with_numbers(found: Identification, vehicle: Vehicle) -> Identification:
     """The identification with `numbers`, or with a sentence on why there are none.
 
-    None unless the most complete model with tyres that the runs determine is the recommended one, and none
-    where it differs from the runs by more than the noise and normal tolerances: numbers of a wrong model are
-    no rover's.
+    Only if the most complete model with tyres that the runs determine is the recommended one, and differs
+    from the runs by at most noise and normal tolerances: a wrong model does not describe the rover.
     """
     models = usable(found)
     name = next((n for n in PHYSICAL if n in models), "")  # the most complete one that the runs determine

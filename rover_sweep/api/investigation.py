@@ -136,7 +136,7 @@ Diagnose = Callable[[Material], Diagnosis]
 
 @dataclass(frozen=True)
 class Bounds:
-    """What the person allows. runs: largest number; speed [m/s], amplitude_us [us]: largest.
+    """Limits of the person. runs: largest number; speed [m/s], amplitude_us [us]: largest.
 
     slowest [m/s]: no run is slower. ground: (length, width) [m] in the direction of the drive, None if it is
     not limited. headings: whether a person can turn the rover before a run.
@@ -154,8 +154,8 @@ class Bounds:
 class Decision:
     """A step with the diagnosis it follows from, None before the first.
 
-    given: the recordings by their roles; runs: their names. told: information of the last run [bit], None
-    where nothing was expected of it.
+    given: the recordings by their roles; runs: their names. told [bit]: information from the last run, None
+    if nothing was expected.
     """
 
     step: NextStep
@@ -173,11 +173,11 @@ class RunDriver(Protocol):
         ...
 
     def drive(self, run: PlannedRun) -> bool:
-        """Drive this run once; whether it came to its end."""
+        """Drive this run once; True if it was completed."""
         ...
 
     def spent(self) -> str:
-        """Why nothing more can be driven, such as an empty battery; "" while something can."""
+        """Why no more runs can be driven, such as an empty battery; "" if they can."""
         ...
 
 
@@ -275,7 +275,7 @@ def first_sweep(vehicle: Vehicle, bounds: Bounds) -> PlannedRun:
 
 
 def choices(driven: Sequence[PlannedRun], vehicle: Vehicle, bounds: Bounds) -> tuple[PlannedRun, ...]:
-    """The runs that limits and ground allow next; those that a diagnosis fits."""
+    """The next runs within limits and ground, of kinds that a diagnosis fits."""
     _, rad_per_us = vehicle.steering()
     limits = _limits(vehicle, bounds)
     found = candidates(driven, geometry_of(vehicle), abs(rad_per_us), limits)

@@ -1,9 +1,9 @@
 """The steering that `bench` measured, as a known part of the model, so that no diagnosis finds it again.
 
 Gain curve and deadband change the commanded angle. Rate limit and backlash act behind the servo lag, which
-is a part of the models. The steering is therefore replaced by the command with which an ideal first-order
-servo of that lag turns the wheels as the real one does with limit and backlash. A vehicle file without
-these numbers changes nothing.
+is a part of the models. The steering is therefore replaced by a command: with it, an ideal first-order servo
+of that lag turns the wheels as the real one with limit and backlash. A vehicle file without these numbers
+changes nothing.
 """
 
 from __future__ import annotations
@@ -41,8 +41,8 @@ SLOWEST = 40.0  # Hz; between commands further apart the motion of the servo is 
 class Known:
     """The effects that a bench settles for a diagnosis.
 
-    settled: {effect: why it is not looked for}. spread: normal tolerances with the measured lag, plus the
-    increase of a servo under load, as the bound of the servo lag.
+    settled: {effect: why it is not looked for}. spread: normal tolerances; their bound of the servo lag is
+    the measured lag plus its increase under load.
     """
 
     settled: Mapping[str, str]

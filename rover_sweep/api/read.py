@@ -204,7 +204,7 @@ class TrialSource:
     label: str = ""
 
     def chosen(self, runs: Sequence[Recording]) -> list[Recording]:
-        """The runs of this trial; UsageError with the labels of the file where there is none."""
+        """The runs of this trial; UsageError with the file's labels if there is none."""
         if not self.label:
             return list(runs)
         rests = {id(run): run.name.removeprefix(Path(self.source).stem).strip() for run in runs}
@@ -241,16 +241,16 @@ def refuse_missing(sources: Sequence[str]) -> None:
 def sources_without(sources: Sequence[str], apart: Sequence[str]) -> list[str]:
     """The sources without the whole files in `apart`; its trials are left out when their file is read.
 
-    UsageError for a part of none of the sources: it would stay in the fit.
+    UsageError for one that is in no source: it would stay in the fit.
     """
     places = {given: Path(trial_source(given).source).resolve() for given in (*sources, *apart)}
     for given in apart:
         if places[given] not in {places[s] for s in sources}:
-            raise UsageError(f"without: {given} is not among what is read ({', '.join(sources)})")
+            raise UsageError(f"without: {given} is none of the sources ({', '.join(sources)})")
     whole = {places[given] for given in apart if not trial_source(given).label}
     kept = [s for s in sources if places[s] not in whole]
     if not kept:
-        raise UsageError("without leaves out everything that is read; leave some")
+        raise UsageError("without leaves out all sources; leave some")
     return kept
 
 
@@ -270,8 +270,8 @@ class Reading:
     TOML file); without one, their columns are found.
 
     filters: {"gyro_hz", "accel_hz"} [Hz] that replace the recorded low-passes of the sensors.
-    system: MAVLink id of the vehicle in a .tlog that holds several. servo: whether the measured position of
-    the servo is the steering, and not its command.
+    system: MAVLink id of the vehicle in a .tlog that holds several. servo: use the measured position of the
+    servo as the steering, not its command.
     """
 
     columns: Mapping[str, Any] | str | None = None
@@ -313,7 +313,7 @@ class Runs(Shown, Sequence[Recording]):
         return replace(self, recordings=(*self.recordings, *other))
 
     def coherence(self) -> CoherenceTable:
-        """A verdict on each run: keep it, or repeat it with which change. A tuple that prints as a table.
+        """A verdict on each run: keep it, or repeat it with a change. A tuple that prints as a table.
 
         >>> runs.coherence()
         coherence at least 0.6, usable bands in rad/s
@@ -387,9 +387,9 @@ def read(
     vehicle: a vehicle file (rover.toml) or a `Vehicle`, needed to convert the PWM to a road-wheel angle; for
     the folder of a session, default its own file. columns: the column map of other systems' files; without
     one, the columns are found, with a note. gyro_hz, accel_hz: low-passes of the sensors [Hz, 0 = off] that
-    replace the recorded ones. system: MAVLink id of the vehicle in a .tlog that holds several. servo: whether
-    the measured position of the servo (CSRV) is the steering, so that the model is of the rover without its
-    servo. UsageError for files that cannot be opened, DataRefused for files that cannot be used.
+    replace the recorded ones. system: MAVLink id of the vehicle in a .tlog that holds several. servo: use the
+    measured position of the servo (CSRV) as the steering; the model then excludes the servo. UsageError for
+    files that cannot be opened, DataRefused for files that cannot be used.
 
     >>> runs = rs.read("run1.BIN", "run4.BIN", vehicle="rover.toml")
     >>> runs
@@ -468,8 +468,8 @@ def load_runs(
 def with_delta(run: Recording, vehicle: Vehicle, servo: bool = False) -> Recording:
     """The run with `delta` [rad], from pwm and the steering of the vehicle; DataRefused without steering.
 
-    servo: from the measured position of the servo, so that the model is of the rover without its servo; the
-    linkage that `bench` measured acts before it, and is left out.
+    servo: from the measured position of the servo; the model then excludes the servo and the linkage that
+    `bench` measured, which acts before it.
     """
     stop = vehicle.max_steering_angle
     if servo:

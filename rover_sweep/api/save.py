@@ -1,7 +1,7 @@
 """Finds files of results, saves results and reads them without loss: `Result.save` and `load_result`.
 
 The file is JSON: each dataclass with its name and fields, each array once, exact (zlib, base64, little
-endian). It has no module in it, so the classes may move; their names are unique. For other programs there is
+endian). It names no module, so the classes may move; their names are unique. For other programs there is
 `identification.json` of a report.
 """
 

@@ -24,7 +24,7 @@ UNITS = {"r": "rad/s", "ay": "m/s^2", "p": "rad/s", "vy": "m/s", "vydot": "m/s^2
 class Simulation(Shown):
     """The channels of a run as simulated by a model.
 
-    run: its name; model: the model's. t (n,) s on the recording's clock. signals, measured: {channel: (n,)}
+    run, model: their names. t (n,) s on the recording's clock. signals, measured: {channel: (n,)}
     of r, p [rad/s], ay [m/s^2], vy [m/s], vydot [m/s^2], ISO axes; measured: as recorded, minus the gyros'
     biases at standstill.
     """

@@ -77,7 +77,7 @@ def proposed_speed(
 ) -> SpeedProposal:
     """Current and proposed settings of the speed loop from the content of a speed.json.
 
-    current: {parameter: value} of the vehicle; what it lacks is taken from the runs, then from the firmware's
+    current: {parameter: value} of the vehicle; missing ones come from the runs, then from the firmware's
     defaults. current_from: their origin, for errors.
     """
     found = speed_from_document(document)
@@ -219,7 +219,7 @@ def write_speed_report(findings: SpeedFindings, folder: Path) -> PageFiles:
 
 
 def speed_findings(result: SpeedResult, folder: Path) -> SpeedFindings:
-    """The result with the gains that it supports, beside the results of the steering in `folder`."""
+    """The result with the gains that it supports, and the results of the steering in `folder`."""
     parameters, origin = result.runs[0].parameters, "the parameters of the runs"
     limits = None
     if (folder / "identification.json").is_file():
@@ -234,7 +234,7 @@ _STEERED = ("identification.json", "diagnosis.json")
 
 @dataclass(frozen=True, eq=False)
 class AllGains:
-    """What a folder of results supports: of the steering, its limits, and of the speed; None without.
+    """Gains that a folder of results supports: steering, its limits, and speed; None if not.
 
     current: the vehicle's present parameters, as far as they are known. corners: 90 degree corners of the
     steering.
@@ -289,7 +289,7 @@ def all_gains(
     speed: float | None,
     half_width: float = HALF_WIDTH,
 ) -> AllGains:
-    """All that a file or folder of results supports; arguments and errors as of `steering_gains`.
+    """All gains that the results support; arguments and errors as of `steering_gains`.
 
     half_width [m]: of the corridor about the legs of a 90 degree corner.
     """

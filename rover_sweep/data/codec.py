@@ -1,7 +1,7 @@
-"""Results as plain data for JSON, and back: every dataclass by its fields, what is read is checked by cattrs.
+"""Results as plain data for JSON, and back: every dataclass by its fields; cattrs checks what is read.
 
-`ByName` is {name: the other fields}, an array a list. Nothing says which class a part is: the reader knows
-the type that it asks for. Saved results may hold anything and name their classes (`rover_sweep.api.save`).
+`ByName` is {name: the other fields}, an array a list. A document does not name classes: the reader asks for a
+type. Saved results may hold anything and name their classes (`rover_sweep.api.save`).
 """
 
 from __future__ import annotations
@@ -42,8 +42,8 @@ def _words(error: BaseException, _: type | None) -> str:
 
 
 def in_json(kind: type, left_out: tuple[str, ...] = (), sparse: tuple[str, ...] = (), **names: str) -> None:
-    """How a class stands in JSON. left_out: fields that do not; sparse: that do where they are not at their
-    default; names: {field: its key}."""
+    """Form of a class in JSON. left_out: fields not written; sparse: written unless at their default; names:
+    {field: its key}."""
     own: dict[str, Any] = {field: override(rename=key) for field, key in names.items()}
     own |= {field: override(omit=True) for field in left_out}
     own |= {field: override(omit_if_default=True) for field in sparse}

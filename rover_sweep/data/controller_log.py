@@ -1,4 +1,4 @@
-"""What one of the firmware's controllers logged while driving: its target, the response and its terms."""
+"""The log of one of the firmware's controllers while driving: target, response and terms."""
 
 from __future__ import annotations
 

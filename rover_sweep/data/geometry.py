@@ -55,11 +55,11 @@ class Tolerances:
     lag, delay [s], ratio (ln Cf/Cr), bias_ay [m/s^2], trim [rad], steering scale, speed scale (relative),
     cg, imu_x, imu_z (over the wheelbase; imu_z over the roll axis, so with that of h), h, roll_inertia
     (relative), sensor_lag [s], velocity_gain (relative), velocity_lag [s].
-    heading [rad]: of the estimator, which a compass or its mounting makes wrong, so V_y has a part of V.
+    heading [rad]: error of the estimator by compass or mounting, which adds a part of V to V_y.
     together [s]: sum of lag and delay, above which they are a finding. bend: curvature of the tyre force,
     about 0.7 friction^-2 (0.67 of a tanh, 0.73 of a magic formula of shape 1.3), in
-    F = C alpha (1 - bend (C alpha/Fz)^2/2). early [s]: by which a log may date the motion before the steering
-    that causes it. [material] of the vehicle file changes them.
+    F = C alpha (1 - bend (C alpha/Fz)^2/2). early [s]: by which a log may date the motion before its
+    steering. [material] of the vehicle file changes them.
     """
 
     lag: float = 0.040

@@ -1,4 +1,4 @@
-"""What results are made of: quantities with intervals, values found by name, short tables."""
+"""Parts of results: quantities with intervals, values found by name, short tables."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class PlainNumbers:
 
 
 def plain_value(value: Any) -> Any:
-    """The value with Python's numbers for numpy's scalars, also in tuples and dicts; itself without any."""
+    """The value with numpy's scalars replaced by Python's numbers, also in tuples and dicts."""
     if isinstance(value, np.generic):
         return value.item()
     if type(value) is tuple:

@@ -58,7 +58,7 @@ def geometry_of(vehicle: Vehicle) -> Geometry:
 
 
 def with_uncertainties(vehicle: Vehicle) -> Vehicle:
-    """The vehicle with a standard deviation for each number that has a rule; `how` of the number says whence.
+    """The vehicle with a standard deviation for each number that has a rule; its `how` names the source.
 
     The file's `sd` or `how` comes first, then [material], then the default, which scales with the vehicle.
     """

@@ -79,7 +79,7 @@ def read_material(table: Mapping[str, Any]) -> tuple[dict[str, float], list[str]
 
 @dataclass(frozen=True)
 class Key:
-    """A number of the file, with one that is usual. sign: +1 must be above 0, 0 any sign."""
+    """A number of the file, with a usual value. sign: +1 must be above 0, 0 any sign."""
 
     name: str
     unit: str

@@ -1,1 +1,1 @@
-"""What any driving, without a sweep, shows of the steering: an output-error fit of a simple law."""
+"""Identifies the steering from any driving, without a sweep: output-error fit of a simple law."""

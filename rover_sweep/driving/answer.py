@@ -1,4 +1,4 @@
-"""What any driving says of a rover: how much and how late it turns for its steering, and what is unknown."""
+"""From any driving: how much and how late a rover turns for its steering, and which numbers are unknown."""
 
 from __future__ import annotations
 
@@ -48,12 +48,12 @@ DEG_PER_G = GRAVITY * 180 / pi
 class DrivingAnswer(Shown):
     """The numbers that this driving shows, each with its 90 % interval.
 
-    level: "good", "rough", or "none" where nothing is believed; reasons: why it is not good. numbers: see
-    `rs.identify_driving`. unknown: what the driving cannot show, and why. driving: what was used; fit: None
-    where nothing could be fitted. speeds: (5 %, 50 %, 95 %) of the speed in turns, m/s. amplitude: 95 % of
-    the time, the steering is within +- it of straight ahead. band: (lowest, highest) Hz that hold 90 % of the
+    level: "good", "rough", or "none" if no number is reliable; reasons: why it is not good. numbers: see
+    `rs.identify_driving`. unknown: numbers that the driving cannot show, and why. driving: the parts used;
+    fit: None if not possible. speeds: (5 %, 50 %, 95 %) of the speed in turns, m/s. amplitude: for 95 % of
+    the time the steering is nearer to straight ahead. band: (lowest, highest) Hz that hold 90 % of the
     steering's power. after_sweep: (number, half width of its interval) if a sweep were added. each: {file:
-    its own answer} of files that do not agree, of which there are no common numbers.
+    its own answer} if the files disagree; then there are no common numbers.
     """
 
     level: Level
@@ -378,11 +378,11 @@ ALIKE = 1.2  # ratio of speeds up to which response times are compared
 
 COMPARED = {"straight": 0.0, "curvature": 0.05, "wheelbase_seen": 0.05, "response_time": 0.1}
 LEAST = {"us": 5.0, "rad": 0.005, FULL: 0.01, "s": 0.02}
-"""The smallest difference that is said: as a share of the number, and in its unit."""
+"""The smallest reported difference: as a share of the number, and in its unit."""
 
 
 def disagreeing(logs: Sequence[tuple[ByName[Quantity], float]]) -> tuple[str, ...]:
-    """Names of the numbers that differ between the logs by more than their intervals, and by what matters.
+    """Names of the numbers that differ between the logs by more than their intervals and noticeably.
 
     logs: the numbers of each, and the speed of its turns [m/s], on which the response time depends. Of a
     number in k logs, the squared differences from the weighted mean in standard deviations add up to chi

@@ -1,4 +1,4 @@
-"""What recordings of other systems hide: runs with another clock, and ground that slopes."""
+"""Hidden faults of recordings from other systems: runs with another clock, sloping ground."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ SLOPE = np.sin(np.radians(2.0))
 
 
 def with_one_clock(logs: Sequence[Log]) -> tuple[Log, ...]:
-    """The logs with the steering of each at the delay that most of them have, with notes.
+    """The logs, each steering shifted to the delay of most of them, with notes.
 
     A log whose steering has another clock is moved, and one in which the yaw rate follows the steering at no
     delay is left out. Fewer than three logs do not show which of them is wrong.
@@ -37,7 +37,7 @@ def with_one_clock(logs: Sequence[Log]) -> tuple[Log, ...]:
     for log, shares, k, share in zip(logs, found, at, best, strict=True):
         late = float(SHIFTS[k] - SHIFTS[usual])
         if 0 < share < UNRELATED:
-            words = "the yaw rate follows its steering at no delay, as that of the other runs does"
+            words = "unlike in the other runs, the yaw rate does not follow the steering at any delay"
             lost.append(Note("warning", f"{log.name} was left out: {words}"))
             continue
         if abs(late) > OTHER_CLOCK and 1 - share < BETTER * (1 - shares[usual]) and share > UNRELATED:
@@ -45,7 +45,7 @@ def with_one_clock(logs: Sequence[Log]) -> tuple[Log, ...]:
             words = (
                 f"its steering is {abs(late):.2g} s {'early' if late > 0 else 'late'} against the other runs"
             )
-            note = Note("warning", f"{log.name}: {words}, and was moved by as much: has it another clock?")
+            note = Note("warning", f"{log.name}: {words}, and was shifted by that: has it another clock?")
             log = replace(log, steering=(replace(s, t=s.t + late),), notes=(*log.notes, note))
         out.append(log)
     out[0] = replace(out[0], notes=(*out[0].notes, *lost))
@@ -68,7 +68,7 @@ def _delays(parts: Sequence[DrivenPart]) -> Array:
 
 
 def with_slope(log: Log) -> Log:
-    """With a note where a_y changes with the heading, as on ground that slopes or banks."""
+    """The log, with a note if a_y changes with the heading, as on ground that slopes or banks."""
     parts = usable_driving([log]).stretches if "ay" in log.signals else ()
     if not parts:
         return log

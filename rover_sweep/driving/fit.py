@@ -1,4 +1,4 @@
-"""The yaw rate that any driving gives for its steering, fitted to the recorded one.
+"""A law for the yaw rate from the steering, fitted to any recorded driving.
 
     r(t) = b + F{ V g w / (1 + k V^2 + q a^2) },   a = V^2 g w
     w = x (1 + h sgn(x) + s (x/X)^2),              x = u(t - tau) - u0
@@ -6,7 +6,7 @@
 u is the recorded steering output, V the speed, g the curvature that a unit of steering gives at low speed
 (1/m per us, or 1/m per rad = 1/L), u0 the output that drives straight, b the bias of the gyro. k = K_us/L is
 the understeer: 1/sqrt(k) is the characteristic speed, for k < 0 1/sqrt(-k) the critical one (Milliken, Race
-Car Vehicle Dynamics, ch. 5). q is how much less the rover turns where it turns hard, as tyres bend. The
+Car Vehicle Dynamics, ch. 5). q is how much less the rover turns in hard turns, as tyres bend. The
 steering curve: h is how much more it turns to the side of larger outputs, s how much more than in proportion
 at the amplitude X of this driving, as the tangent of the angle does, or less, as a linkage near its end. F is
 two lags in series and the known low-pass of the gyro: T of the steering, and c V/(1 + k V^2) of the tyres;
@@ -15,7 +15,7 @@ length or steering ratio is needed.
 
 Road and wind make an error that is not white: it is whitened by an autoregression of the residual (Ljung,
 System Identification, 7.3), and the covariance counts blocks of `BLOCK` seconds as the independent pieces
-(Liang and Zeger 1986), so that what repeats within a turn does not count as new.
+(Liang and Zeger 1986), so that repetition within a turn does not count.
 """
 
 from __future__ import annotations
@@ -52,17 +52,17 @@ LOW = np.array([-np.inf, -np.inf, -np.inf, 0.0, 0.0, 0.0, -np.inf, 0.0, -0.5, -0
 HIGH = np.array([np.inf, np.inf, np.inf, 0.6, 0.6, 0.3, 1.0, 0.06, 0.5, 0.5])
 USUAL = np.array([0.0, 0.0, 0.0, 0.05, 0.05, 0.04, 0.0, 0.0, 0.0, 0.0])
 SPREAD = np.array([np.inf, np.inf, 0.02, 0.2, 0.2, 0.1, 0.1, 0.03, 0.05, 0.05])
-"""Mean and standard deviation of what rovers have: wide, so that only what driving leaves open feels them."""
+"""Mean and standard deviation over rovers: wide, so they affect only numbers that driving leaves open."""
 Known = Mapping[str, tuple[float, float]]
-"""{name: (value, standard deviation)} of what is known before."""
+"""{name: (value, standard deviation)} known beforehand."""
 OF_SPEED = ("tyre_lag", "understeer", "curve")  # only driving at several speeds shows these
 
 
 @dataclass(frozen=True, eq=False)
 class DrivingFit:
-    """values (10,) and their covariance (10, 10) in the order of NAMES, zero in what was held.
+    """values (10,) and their covariance (10, 10) in the order of NAMES, zero for held names.
 
-    structure (10, 10): the covariance of what the law leaves out, which more driving does not lessen.
+    structure (10, 10): covariance of the law's own errors, which more driving does not reduce.
 
     gain g [1/m per unit of steering], straight u0 [unit of steering], bias b [rad/s], delay tau [s], lag T
     [s], tyre_lag c [s^2/m], understeer k [s^2/m^2], bend q [s^4/m^2], side h and curve s [-]. amplitude: X
@@ -90,7 +90,7 @@ class DrivingFit:
 
 
 def fit_driving(stretches: Sequence[DrivenPart], known: Known, held: Sequence[str] = OF_SPEED) -> DrivingFit:
-    """Fits all stretches together. known: what is known of some before. held: names kept at 0.
+    """Fits all stretches together. known: prior knowledge of some. held: names kept at 0.
 
     ValueError where no stretch is longer than `SETTLED` samples.
     """
@@ -105,7 +105,7 @@ def fit_driving(stretches: Sequence[DrivenPart], known: Known, held: Sequence[st
 def precision_with(
     fit: DrivingFit, stretches: Sequence[DrivenPart], known: Known, more: DrivenPart
 ) -> DrivingFit:
-    """The fit with the covariance that it would have if `more` had been driven too, with like errors."""
+    """The fit with the covariance that it would have if `more` had been driven too, with equal errors."""
     problem = _Problem(stretches, known, fit.held)
     problem.whiten(fit.values)
     problem.stretches, before = (more,), problem.free

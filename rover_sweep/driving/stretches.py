@@ -1,4 +1,4 @@
-"""The parts of a log in which driving says how the rover steers, on an even grid."""
+"""The parts of a log in which driving shows how the rover steers, on an even grid."""
 
 from __future__ import annotations
 

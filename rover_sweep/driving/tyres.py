@@ -14,7 +14,7 @@ STEP = 1e-6  # of the differences, in the unit of the parameter
 
 
 def tyre_stiffnesses(fit: DrivingFit, rover: Geometry, speed: float) -> tuple[Quantity, ...]:
-    """Cf and Cr [N/rad], both axles or none: where the driving decides, within `DECIDED`.
+    """Cf and Cr [N/rad], for both axles or none: if determined within `DECIDED`.
 
     The understeer and the lag of the yaw rate at this speed [m/s] are linear in 1/Cf and 1/Cr.
     """

@@ -1,4 +1,4 @@
-"""Whether the gains suit the rover, from a log of a drive in ACRO or AUTO; and what to change next."""
+"""Checks from a log of driving in ACRO or AUTO if the gains suit the rover, and what to change next."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ SIMULATED_HZ = 100.0  # highest main loop rate of a simulated drive
 
 @dataclass(frozen=True)
 class GainFault:
-    """Something to change. name: in two words; words: a sentence with the evidence; parameter with its value
+    """A change to make. name: two words; words: a sentence with the evidence; parameter with its value
     now and the next one, "" and nan if no parameter helps."""
 
     name: str
@@ -55,10 +55,10 @@ class GainFault:
 
 @dataclass(frozen=True, eq=False)
 class SteeringCheck:
-    """Of one log with constant parameters. feed_forward: FF that holds a steady turn with its 90 % interval,
-    None if it is not known; predicted: by the identified model for the same targets, None without one; after:
-    the same with the first finding's change, by that model or else by the log's own response, None if that
-    changes no gain. skipped: sentences on what could not be checked."""
+    """Check of a log with constant parameters. feed_forward: FF that holds a steady turn with its 90 %
+    interval, None if it is not known; predicted: by the identified model for the same targets, None without
+    one; after: prediction with the first finding's change, by that model or the log's own response, None if
+    no gain changes. skipped: sentences on what could not be checked."""
 
     log: ControllerLog
     autopilot: Autopilot
@@ -289,8 +289,8 @@ def _simulated(parts: Sequence[Even], modelled: Modelled, gains: Gains) -> Track
 
 @dataclass(frozen=True, eq=False)
 class SpeedCheck:
-    """Of one log with constant parameters. cruise: CRUISE_THROTTLE [%] that holds CRUISE_SPEED with its 90 %
-    interval, None if no steady speed was driven."""
+    """Check of a log with constant parameters. cruise: CRUISE_THROTTLE [%] that holds CRUISE_SPEED with its
+    90 % interval, None if no steady speed was driven."""
 
     log: ControllerLog
     achieved: Tracking

@@ -28,8 +28,8 @@ AFTER = 6.0  # s, beyond twice the time at the largest turn rate
 
 @dataclass(frozen=True)
 class Corner:
-    """A corner at a speed [m/s]. gains: "now" or "proposed". rate [rad/s]: largest turn rate; before [m]: the
-    turn begins so far before the corner; a turn that begins at the corner swings wide by as much. off [m]:
+    """A corner at a speed [m/s]. gains: "now" or "proposed". rate [rad/s]: largest turn rate; before [m]:
+    distance from the start of the turn to the corner; a turn begun at the corner swings wide by it. off [m]:
     largest distance from the nearer leg. leaves, returns [m]: where it leaves the corridor and where it is
     back, along the legs, negative before the corner; None inside. wide: on the outside of the corner."""
 
@@ -46,7 +46,7 @@ class Corner:
 def corners(
     proposal: Proposal, limits: SteeringLimits | None, half_width: float = HALF_WIDTH
 ) -> tuple[Corner, ...]:
-    """At the speeds for which the gains hold, slow ones first, with the current and the proposed gains and
+    """Corners at the speeds for which the gains hold, slow first, for the current and proposed gains and
     limits. half_width [m]: of the corridor."""
     found, loop = proposal.found, proposal.autopilot
     if proposal.now is None or found.structure is None:
@@ -73,7 +73,7 @@ def _with_limits(loop: Autopilot, limits: SteeringLimits | None) -> Autopilot:
 def corner_path(
     loop: Autopilot, plant: SampledPlant, angle_per_output: float, gains: Gains
 ) -> tuple[float, Array, Array]:
-    """(largest turn rate [rad/s], ahead (n,), aside (n,) [m]) from the begin of the turn."""
+    """(largest turn rate [rad/s], ahead (n,), aside (n,) [m]) from the start of the turn."""
     seconds = 2 * CORNER / loop.rate_limit(plant.speed) + AFTER
     still = np.zeros(round(seconds / loop.period))
     p, i, ff = (np.array([g]) for g in (gains.p, gains.i, gains.ff))

@@ -209,7 +209,7 @@ def speed_gains_document(proposal: SpeedProposal) -> dict[str, Any]:
 
 
 def limits_document(limits: SteeringLimits) -> dict[str, Any]:
-    """The steering's limits, with what they come from."""
+    """The steering's limits, with their sources."""
     return {
         "parameters": {"ATC_STR_RAT_MAX": limits.rate_max, "ATC_TURN_MAX_G": limits.turn_g},
         "reach_deg_s": limits.reach,
@@ -264,7 +264,7 @@ def speed_text(proposal: SpeedProposal) -> str:
 
 
 def limits_text(limits: SteeringLimits, now: dict[str, float]) -> str:
-    """Lines of ATC_STR_RAT_MAX and ATC_TURN_MAX_G, which is a comment where it would only lower. now: the
+    """Lines of ATC_STR_RAT_MAX and ATC_TURN_MAX_G, the latter a comment if it would be lowered. now: the
     current values by name, {} if unknown.
     """
     reasons = {

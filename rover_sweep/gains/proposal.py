@@ -215,7 +215,7 @@ def propose_gains(
 ) -> Proposal:
     """Gains for a design speed [m/s], by default that of the runs.
 
-    at_once: the designed gains, however far they are from the current ones, and not a step towards them.
+    at_once: give the designed gains in full, not a limited step from the current ones towards them.
     """
     at = speed or float(np.mean(found.speeds))
     speed_range = (min(speeds_around(at)), max(speeds_around(at)))
@@ -328,7 +328,7 @@ def _step(support: Support, family: Family, designed: AssessedGains) -> tuple[Su
 def _short_step(judged: AssessedGains) -> str:
     return (
         f"with these gains a requested turn rate is not reached within {SECONDS - BEFORE:.1f} s (without I, "
-        f"{100 * judged.steady:.0f} % of it): they are a step on the way, not the end"
+        f"{100 * judged.steady:.0f} % of it): they are an intermediate step"
     )
 
 
@@ -397,7 +397,7 @@ class SteeringLimits:
 
     @property
     def lowers(self) -> bool:
-        """Whether turn_g is below the current value: a lack of evidence, which lowers nothing by itself."""
+        """True if turn_g is below the current value: a lack of evidence, no reason to lower it."""
         return self.turn_g is not None and self.turn_g < self.now_g
 
 

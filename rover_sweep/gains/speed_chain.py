@@ -66,7 +66,7 @@ SPEED_DEFAULTS: Mapping[str, float] = {
 
 @dataclass(frozen=True)
 class SpeedSettings:
-    """What is proposed. cruise_speed [m/s], cruise_throttle [%]; p, d, i: of the speed PID, to a throttle of
+    """Proposed settings. cruise_speed [m/s], cruise_throttle [%]; p, d, i: of the speed PID, to a throttle of
     -1..1; accel_max [m/s^2], 0 for no limit."""
 
     cruise_speed: float
@@ -402,14 +402,13 @@ def margins_of(loop: SpeedLoop, plants: list[SpeedPlant], settings: SpeedSetting
 
 
 def cruise(loop: SpeedLoop, plant: SpeedPlant, speed: float) -> tuple[float, float]:
-    """(CRUISE_SPEED [m/s], CRUISE_THROTTLE [%]): the whole percent next to the speed, and its exact speed."""
+    """(CRUISE_SPEED [m/s], CRUISE_THROTTLE [%]): the nearest whole percent, and the speed that it holds."""
     percent = float(np.clip(round(100 * loop.from_motor(plant.offset + speed / plant.gain)), 5, 100))
     return round(plant.gain * (loop.at_motor(percent / 100) - plant.offset), 2), percent
 
 
 def without_dead_zone(loop: SpeedLoop, found: IdentifiedSpeed) -> SpeedLoop:
-    """The loop with MOT_THR_MIN at the dead zone, in whole percent, where that is certain and not yet left
-    out.
+    """The loop with MOT_THR_MIN at the dead zone, in whole percent, if that is certain and not yet done.
 
     The base throttle then fits at all speeds, not at one.
     """
@@ -435,7 +434,7 @@ def accel_limit(loop: SpeedLoop, found: IdentifiedSpeed) -> float:
 def design_speed(loop: SpeedLoop, found: IdentifiedSpeed) -> SpeedSettings | None:
     """The best settings; None if no pair of P and I keeps the margins.
 
-    Where no pair keeps 5 % overshoot, that of about the least.
+    If no pair keeps 5 % overshoot, one of about the least.
     """
     plant = found.plant
     assert plant is not None

@@ -158,7 +158,7 @@ class Autopilot:
         return min(by_force, self.rate_max) if self.rate_max > 0 else by_force
 
     def force_limit(self, speed: float) -> float:
-        """That of ATC_TURN_MAX_G alone."""
+        """`rate_limit` of ATC_TURN_MAX_G alone."""
         by_force = self.lateral_g_max * STANDARD_GRAVITY / max(abs(speed), LEAST_SPEED)
         return max(by_force, math.radians(1.0))
 

@@ -61,7 +61,7 @@ def even_stretches(log: ControllerLog) -> list[Even]:
 
 @dataclass(frozen=True)
 class Tracking:
-    """rms: of the error, target_rms: of the target (of their units); lag [s]: delay at which the measurement
+    """rms: of the error, target_rms: of the target (in their units); lag [s]: delay at which the measurement
     follows the target best; follows: measurement / target at that delay; overshoot [% of the step]: median of
     `steps` steps from one held target to another, nan without two."""
 
@@ -74,7 +74,7 @@ class Tracking:
 
 
 def tracking(parts: Sequence[Even]) -> Tracking:
-    """Of all stretches together."""
+    """Tracking of all stretches."""
     target, actual = (np.concatenate([getattr(p, n) for p in parts]) for n in ("target", "actual"))
     lag, follows = _lag(parts)
     over = [value for part in parts for value in _overshoots(part)]
@@ -137,7 +137,7 @@ class Response:
         return 1.0 / (self.gain * abs(self.speed) * autopilot.speed_scale(self.speed))
 
     def plant(self, autopilot: Autopilot) -> SampledPlant:
-        """From the share of the travel to the turn rate [rad/s], at the mean speed."""
+        """Plant from the share of travel to the turn rate [rad/s], at the mean speed."""
         decay, steady = math.exp(-autopilot.period / self.lag), self.gain * abs(self.speed)
         a, b, c = np.array([[decay]]), np.array([(1 - decay) * steady]), np.ones(1)
         return SampledPlant(a, b, c, round(self.delay / autopilot.period), autopilot.period, self.speed)

@@ -50,7 +50,7 @@ SEED = 0
 class Bootstrap:
     """Replicates of the responses of these groups, shared by all models that are refitted to them.
 
-    known: the runs' replicators of other bootstraps of the same runs, to use and to add to.
+    known: replicators of these runs from other bootstraps; reused, and new ones are added.
     """
 
     def __init__(
@@ -138,10 +138,10 @@ TIMING = 0.0025  # s, half a main loop at 200 Hz: error of the time stamps of co
 
 
 def stiffness_loss(runs: Sequence[Recording], friction: float | None = None) -> float:
-    """Share of the stiffness at zero slip that a fit to these runs may lose by their amplitude.
+    """Share by which a fit to runs of this amplitude may underestimate the zero-slip stiffness.
 
     Saturation: a force mu N tanh(C alpha/(mu N)) has the describing function C (1 - u^2/4) to second order,
-    u = a_y/(mu g) of the largest run, 1 at most. In addition the steered force turns away, `force_turned`.
+    u = a_y/(mu g) of the largest run, at most 1. The share lost by `force_turned` is added.
     friction: mu, peak side force of the tyres over their load, 0.5 when None.
     """
     limit = (friction or FRICTION) * GRAVITY
@@ -150,7 +150,7 @@ def stiffness_loss(runs: Sequence[Recording], friction: float | None = None) -> 
 
 
 def with_structural_error(found: FitResult, conditions: Sequence[Condition], loss: float) -> FitResult:
-    """A bootstrapped fit with its intervals widened as in the module's text; unchanged without tyres.
+    """A bootstrapped fit with its intervals widened by structural errors; unchanged without tyres.
 
     conditions: data of the fit. loss: see `stiffness_loss`. sd and bias stay those of the bootstrap.
     """
@@ -221,8 +221,8 @@ def with_intervals(
 ) -> dict[str, ModelResult]:
     """The models with intervals of their free parameters, from `settings.bootstrap` replicates.
 
-    Those of the bicycle and roll-yaw model also hold what their structure leaves out, except as in the paper:
-    see `with_structural_error`. friction: of the tyres, see `stiffness_loss`.
+    Those of the bicycle and roll-yaw model include structural errors (`with_structural_error`), except as in
+    the paper. friction: of the tyres, see `stiffness_loss`.
 
     Unchanged for 0 replicates, and where responses are conditioned on another input, because the replicates
     are driven by the steering alone. A lumped model uses the first speed only.

@@ -1,8 +1,8 @@
 """Tyres and steering of a rover driven forward and in reverse, side by side.
 
-In reverse the axle that steers is the trailing one, so the yaw mode differs, and the tyres should not: each
-way is fitted alone, with the structure of the fit to all runs. Differences name a rover that weaves one way
-only (a linkage with play or caster, a servo that gives way, a load that moves).
+In reverse the trailing axle steers, so the yaw mode differs but the tyres should not. Each way is fitted
+alone, with the structure of the fit to all runs. A difference reveals a rover that weaves one way only (a
+linkage with play or caster, a servo that gives way, a load that moves).
 """
 
 from __future__ import annotations
@@ -32,8 +32,8 @@ FEWEST_BLOCKS = 4
 class BothWays:
     """One quantity forward and in reverse.
 
-    differs: the intervals are apart; None where either has no interval. expected: it differs on a sound rover
-    too, as its motion does.
+    differs: the intervals do not overlap; None where one is missing. expected: it differs on a sound rover
+    too, because the motion does.
     """
 
     forward: Quantity
@@ -43,7 +43,7 @@ class BothWays:
 
 
 def both_ways(model: ModelResult, work: Work) -> tuple[BothWays, ...]:
-    """Each free parameter, the steering's gain and trim, the yaw mode; () where one way was driven.
+    """Compares free parameters, gain and trim of the steering, the yaw mode; () if driven one way.
 
     model: with tyres, fitted to all runs; Cf and Cr are free here. The gain is that of each way with the
     tyres of all runs; the trim is from the mean yaw rate, in runs with a recorded standstill.
@@ -67,7 +67,7 @@ def both_ways(model: ModelResult, work: Work) -> tuple[BothWays, ...]:
 
 
 def ways_compared(found: Sequence[BothWays]) -> tuple[str, ...]:
-    """Sentences on what agrees and what differs between both ways; () without intervals."""
+    """Sentences on agreement and differences of both ways; () without intervals."""
     judged = [pair for pair in found if pair.differs is not None and not pair.expected]
     apart = [pair for pair in judged if pair.differs]
     if not judged:

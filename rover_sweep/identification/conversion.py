@@ -40,7 +40,7 @@ def to_control(
 
     speed [m/s]: default that of the fit; needed for a structure. pade: order of the approximation of delays;
     0 leaves them out (tau [s] is a parameter of the model). sensors: low-passes added to the outputs, such as
-    `group.runs[0].filters`: the outputs are then as recorded, without them as the rover moved. Inputs,
+    `group.runs[0].filters`: with them the outputs are the recorded ones, else the true ones. Inputs,
     outputs and states keep their names; SI units, ISO axes. UsageError without python-control.
 
     >>> system = rs.to_control(result.models["roll-yaw"])

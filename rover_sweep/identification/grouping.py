@@ -24,12 +24,12 @@ VARIED = 0.15  # standard deviation of the speed over its mean, from which a run
 class Settings:
     """Settings of an identification.
 
-    models: names out of MODELS. fitted: outputs in the cost. tied: one cornering stiffness C for both axles;
-    as_paper: also where separate ones fit much better.
-    band [rad/s]: swept range; bands [rad/s]: usable band per output; windows [s]: lengths; all three are
-    found from the data when not given. reduction: fix parameters that the data cannot determine, except
-    those in keep. condition_on: further inputs, such as "throttle", whose effect is removed from every
-    response. bootstrap: number of replicates for confidence intervals, 0: none.
+    models: names in MODELS. fitted: outputs in the cost. tied: one cornering stiffness C for both axles;
+    as_paper: even if separate ones fit much better.
+    band [rad/s]: swept range; bands [rad/s]: usable band per output; windows [s]: lengths; each is found from
+    the data if not given. reduction: fix parameters that the data cannot determine, except those in keep.
+    condition_on: further inputs, such as "throttle", whose effect is removed from every response. bootstrap:
+    number of replicates for confidence intervals, 0: none.
     """
 
     models: tuple[str, ...] = MODELS
@@ -75,7 +75,7 @@ class Group(PlainNumbers):
         return output in self.responses and self.responses[output].band is not None
 
     def left_out(self, why: str) -> str:
-        """Which runs were left out, and why."""
+        """Sentence on the runs left out, and why."""
         return f"left out {', '.join(run.name for run in self.runs)} at {self.speed:.2f} m/s: {why}"
 
     def why_not(self) -> str | None:
@@ -115,8 +115,8 @@ def grouped(runs: Sequence[Recording], settings: Settings) -> tuple[Group, ...]:
 def steered_speed(run: Recording) -> float:
     """The speed [m/s] at which the run was steered.
 
-    That is its mean speed; where the speed varies, as on a race track, the mean weighted with the steering's
-    power, since a car is steered where it is slow: r = V delta/L gives sum(V delta^2)/sum(delta^2).
+    The mean speed; where the speed varies, as on a race track, it is weighted with the steering's power,
+    because a car steers most where it is slow: r = V delta/L gives sum(V delta^2)/sum(delta^2).
     """
     speed = run.manoeuvre("speed")
     mean = run.mean_speed

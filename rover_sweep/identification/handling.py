@@ -6,8 +6,8 @@ sqrt(L/K_us), at which the yaw rate gain is highest; K_us < 0 oversteers and is 
 speed sqrt(-L/K_us) (Gillespie 1992, chapter 6).
 
 K_us = (V delta/r - L)/V^2 is a small difference: a relative error e of the steady yaw rate gain changes it by
-(L/V^2 + K_us) e, at 2.4 m/s and L 0.39 m by 0.37 deg/g for 1 %. So its interval has the Cramer-Rao bound and
-what the models leave out of that gain, see `gain_error`.
+(L/V^2 + K_us) e, at 2.4 m/s and L 0.39 m by 0.37 deg/g for 1 %. So its interval combines the Cramer-Rao bound
+and the error of that gain, see `gain_error`.
 """
 
 from __future__ import annotations
@@ -100,7 +100,7 @@ class Handling(Shown):
         return f"the rover {kind}: {between}, {name.replace('_', ' ')} {v.value:.1f} m/s{ends}"
 
     def with_understeer(self, k: Quantity, base: float) -> Handling:
-        """With K_us [deg/g] of both axles together, the steady gains and the speeds that follow from it.
+        """Replaces K_us [deg/g] of both axles, and the steady gains and speeds that follow from it.
 
         base: wheelbase [m].
         """
@@ -148,10 +148,10 @@ def _speed(per_g: float, base: float) -> float:
 
 
 def gain_error(runs: Sequence[Recording]) -> float:
-    """Relative error of the steady yaw rate gain that the models leave out, as a sum of bounds.
+    """Bound of the relative error of the models' steady yaw rate gain, the sum of three parts.
 
-    The speed drops while the rover turns (standard deviation over mean), a steered force has the share
-    cos(delta) across the rover (1 - cos of the largest angle), and `SCALE_ERROR`.
+    The speed drop in turns (standard deviation over mean), 1 - cos of the largest angle (a steered force acts
+    across the rover by cos(delta) only), and `SCALE_ERROR`.
     """
     speeds = [run.manoeuvre("speed").x for run in runs]
     drops = [float(np.std(speed) / abs(np.mean(speed))) for speed in speeds]
@@ -170,8 +170,8 @@ def handling(
     """Handling quantities of a fitted bicycle or roll-yaw model. speed [m/s]: default that of the fit.
 
     Bounds: sqrt(s^T P s), with the slopes s to the free parameters and their covariance P; fixed parameters
-    count as exact. error: see `gain_error`; the intervals are wider by it. modes_of: the fit whose modes are
-    given, default the same; their intervals are of the bootstrap at its speed. ValueError for a model without
+    count as exact. error: see `gain_error`; it widens the intervals. modes_of: the fit that gives the modes,
+    default the same; their intervals are from its bootstrap, at its speed. ValueError for a model without
     cornering stiffness.
     """
     structure, v = fit.structure, fit.speed if speed is None else speed
@@ -281,7 +281,7 @@ def warnings(
     """Warnings of runs close to the critical speed or with a peak a_y close to the friction limit.
 
     found: gives the critical speed. friction: peak side force of the tyres over their load, 0.5 when None.
-    a_y is V r, which holds neither the roll nor the vibration of an accelerometer's signal.
+    a_y is V r, because an accelerometer's signal also contains roll and vibration.
     """
     notes = []
     critical = found.get("critical_speed") if found else None

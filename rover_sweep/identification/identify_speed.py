@@ -1,4 +1,4 @@
-"""Identifies the response of the speed to the throttle, and judges it. A poor result is an answer with
+"""Identifies the response of the speed to the throttle, and judges it. A poor result is returned with
 reasons.
 """
 
@@ -25,9 +25,9 @@ STEP = 0.04  # s
 
 @dataclass(frozen=True)
 class Coasting:
-    """Coasting at `speed` [m/s], the middle of what was coasted: deceleration [m/s^2] with 90 % interval,
-    over `seconds` [s]. dead_zone: throttle (share of full) that only the motor controller's dead zone takes,
-    with interval; None if the rover slows down less than when it drives, so the motor is freewheeling."""
+    """Deceleration [m/s^2] at `speed` [m/s], the middle of a coasting of `seconds` [s], with 90 % interval.
+    dead_zone: width of the motor controller's dead zone (throttle, share of full), with interval; None if the
+    drag is lower than when driving, so the motor freewheels."""
 
     speed: float
     deceleration: float
@@ -214,7 +214,7 @@ def _judged(
     runs: Sequence[ThrottleRun], fit: SpeedFit, found: ThrottleCoherence
 ) -> tuple[str, tuple[str, ...]]:
     """The level, and the reasons for less than good."""
-    bad = [f"the {name} is at the end of its range" for name in fit.at_bound if name != "delay"]
+    bad = [f"the fitted {name} is at its bound" for name in fit.at_bound if name != "delay"]
     if found.band is None or found.band[1] < LEAST_BAND * found.band[0]:
         band = (
             "nowhere" if found.band is None else f"from {found.band[0]:.2g} to {found.band[1]:.2g} rad/s only"
@@ -248,7 +248,7 @@ SHARE = "of full throttle"
 def speed_parameters(result: SpeedResult) -> ByName[Quantity]:
     """gain, lag, delay, offset and drag; with a coasting also coasting_drag and, if certain, dead_zone.
 
-    Empty for a result without a law.
+    Empty if no law was fitted.
     """
     if result.fit is None:
         return ByName()
@@ -261,10 +261,10 @@ def speed_parameters(result: SpeedResult) -> ByName[Quantity]:
         Quantity(
             "offset", SHARE, model.offset, *ends["offset"], "throttle before it moves: dead zone and drag"
         ),
-        Quantity("drag", "m/s^2", drag, *drag_ends, f"of drive and road at {mean:.2f} m/s, driving"),
+        Quantity("drag", "m/s^2", drag, *drag_ends, f"drive and road, driving at {mean:.2f} m/s"),
     ]
     if (rolled := result.coasting) is not None:
-        words = f"slowing at {rolled.speed:.2f} m/s, throttle at neutral"
+        words = f"at {rolled.speed:.2f} m/s with neutral throttle"
         found.append(Quantity("coasting_drag", "m/s^2", rolled.deceleration, *rolled.interval, words))
         if rolled.dead_zone is not None and rolled.dead_zone_interval is not None:
             zone, low, high = (max(v, 0.0) for v in (rolled.dead_zone, *rolled.dead_zone_interval))
@@ -276,7 +276,7 @@ def speed_parameters(result: SpeedResult) -> ByName[Quantity]:
 def driving_drag(fit: SpeedFit, speed: float) -> tuple[float, tuple[float, float]]:
     """(v + K u0) / T [m/s^2]: deceleration by drive and road while it drives at a speed [m/s]; 90 % interval.
 
-    With the dead zone in u0, so it is the most that the drag can be.
+    u0 includes the dead zone, so this is an upper bound of the drag.
     """
     m = fit.model
     value = (speed + m.gain * m.offset) / m.lag

@@ -73,7 +73,7 @@ class ModelResult(PlainNumbers, Shown):
         return self.fit.parameters
 
     def __getitem__(self, name: str) -> Estimate:
-        """A parameter by its name; KeyError with the names there are.
+        """A parameter by its name; KeyError lists the names.
 
         >>> result.models["roll-yaw"]["Izz"].unit
         'kg m^2'
@@ -130,7 +130,7 @@ class ModelResult(PlainNumbers, Shown):
         """Draws the first verification run, measured and predicted; returns matplotlib axes (channels,).
 
         axes: one for each channel; default a new figure. UsageError for a model without a verification run.
-        The responses with the models over them: `Result.plot`.
+        `Result.plot` draws the responses and the models.
 
         >>> len(result.models["roll-yaw"].plot())
         3
@@ -161,7 +161,7 @@ class ModelResult(PlainNumbers, Shown):
         return float(np.mean(list(self.costs.values())))
 
     def lowered(self, level: Level, why: tuple[str, ...]) -> ModelResult:
-        """The result with a verdict of at most this level where there is a reason. why: sentences."""
+        """The result with its verdict limited to this level if `why` (sentences) is not empty."""
         if not why:
             return self
         worst = max(level, self.verdict.level, key=LEVELS.index)
@@ -187,7 +187,7 @@ class Work:
     settings: Settings
 
     def conditions(self, outputs: Sequence[str] | None = None, filtered: bool = True) -> list[Condition]:
-        """The data of the cost, one condition a group. outputs: default the fitted ones."""
+        """The data of the cost, one condition per group. outputs: default the fitted ones."""
         return [g.condition(outputs or self.settings.fitted, filtered) for g in self.groups]
 
     @property
@@ -206,7 +206,7 @@ class NotPossible(Exception):
 
 
 def model_result(name: str, work: Work) -> ModelResult:
-    """One of MODELS on the runs; raises NotPossible with the reason."""
+    """Fits one of MODELS to the runs; raises NotPossible with the reason."""
     if name == "bicycle":
         return physical_result(bicycle(work.geometry, work.settings.tied), work)
     if name not in MODELS:
@@ -221,7 +221,7 @@ def model_result(name: str, work: Work) -> ModelResult:
 
 
 def need_roll(name: str, work: Work) -> None:
-    """NotPossible, with the reason, if the runs or the vehicle file allow no model with roll."""
+    """Raises NotPossible, with the reason, if runs or vehicle file allow no model with roll."""
     geometry, p = work.geometry, work.groups[0].responses.get("p")
     if None in (geometry.sprung_mass, geometry.h, geometry.roll_inertia):
         raise NotPossible(
@@ -343,7 +343,7 @@ class RunStiffness:
 
 
 def stiffness_by_amplitude(model: ModelResult, work: Work) -> tuple[RunStiffness, ...]:
-    """The tyres of each run alone, small amplitudes first; () where all runs have about one amplitude."""
+    """Stiffness from each run alone, small amplitudes first; () where all amplitudes are about equal."""
     structure = model.fit.structure
     names = [p.name for p in structure.free if p.name in STIFFNESSES]
     driven = [(run, *driven_amplitude(run)) for group in work.groups for run in group.runs]
@@ -372,7 +372,7 @@ Determined = Literal["roll-yaw", "bicycle", "kinematic"]
 
 
 def determined_model(groups: Sequence[Group], geometry: Geometry) -> tuple[Determined, str]:
-    """(the most complete model that the groups determine, why no more complete one; "" for the roll-yaw)."""
+    """(most complete model that the groups determine, why not a more complete one: "" for roll-yaw)."""
     sound = tuple(g for g in groups if not g.why_not())
     if not sound:  # refused later, with the reason
         return "roll-yaw", ""

@@ -1,4 +1,4 @@
-"""Dynamic bicycle model, equation (17) of the paper with its rows put right:
+"""Dynamic bicycle model, equation (17) of the paper with its rows corrected:
 
 beta' = -(C0/(m V)) beta - (C1/(m V^2) + 1) r + (Cf/(m V)) delta(t - tau)
 r' = -(C1/Izz) beta - (C2/(Izz V)) r + (a Cf/Izz) delta(t - tau)
@@ -249,12 +249,12 @@ def with_steering_lag(structure: ModelStructure) -> ModelStructure:
 
 
 def lagged_fit(found: FitResult, conditions: Sequence[Condition]) -> FitResult:
-    """A refit of a fit's model with a steering lag, T_s [s], in addition. conditions: data of the fit."""
+    """Refits the model of a fit with an added steering lag T_s [s]. conditions: data of the fit."""
     return fit(with_steering_lag(found.structure), conditions, STARTS)
 
 
 def refitted_with_lag(found: FitResult, conditions: Sequence[Condition]) -> FitResult:
-    """A fit's model at the parameters, and with their covariance, of a refit with a steering lag.
+    """A fit's model with the parameters and covariance of a refit with a steering lag.
 
     conditions: data of the fit. The lag itself is left out of the result, whose costs and estimates are those
     of `found`.

@@ -63,7 +63,7 @@ def mode_values(structure: ModelStructure, speed: float) -> dict[str, float]:
 def mode_quantities(
     structure: ModelStructure, speed: float, intervals: Sequence[Quantity] = ()
 ) -> ByName[Quantity]:
-    """The modes at a speed [m/s] with the intervals of their bootstrap, where they have any."""
+    """The modes at a speed [m/s] with their bootstrap intervals, where available."""
     known = {q.name: q.interval_90 for q in intervals if q.interval_90 and np.isfinite(q.interval_90).all()}
     out = []
     for name, value in mode_values(structure, speed).items():

@@ -141,7 +141,7 @@ def wrong_place(found: FitResult, conditions: Sequence[Condition], geometry: Geo
 
 
 def wrong_place_in(found: Sequence[Group], geometry: Geometry, model: str) -> str:
-    """The same from groups of runs; '' when the model has no IMU position or cannot be identified."""
+    """As `wrong_place`, from groups; '' when the model has no IMU position or cannot be identified."""
     groups = tuple(g for g in found if not g.why_not())
     if model not in PHYSICAL or not groups:
         return ""
@@ -203,12 +203,12 @@ class Identification(PlainNumbers, Shown):
     """The result of an identification. recommended: name of the model to use; summary: reasons, as sentences.
 
     coherence: a verdict for each run. refused: {model that could not be identified: reason}. `models` always
-    has the kinematic model, which shows whether the data hold any effect of the tyres. numbers: of the rover,
-    with errors of the vehicle file and normal tolerances allowed for, where they were asked for and a model
-    with tyres fits; those of `models` are of a fit of the responses alone, as CIFER's. by_amplitude: the
-    tyres of the recommended model, from each run alone. both_ways: its parameters and the steering forward
-    and in reverse, where both were driven. residual {channel: mean square of what the model of `numbers`
-    leaves of the recorded motion, over that of the noise}: about 1 where only noise is left.
+    has the kinematic model, which shows whether the data contain any effect of the tyres. numbers: the
+    rover's, allowing for errors of the vehicle file and normal tolerances, if requested and a model with
+    tyres fits; those of `models` are from a fit of the responses alone, as in CIFER. by_amplitude: the tyres
+    of the recommended model, from each run alone. both_ways: its parameters and the steering forward and in
+    reverse, where both were driven. residual {channel: mean square of the residual of `numbers`' model over
+    that of the noise}: about 1 where only noise is left.
     """
 
     geometry: Geometry
@@ -240,7 +240,7 @@ class Identification(PlainNumbers, Shown):
         Also of the fits with one stiffness for each axle, "<model>, Cf and Cr free", and, where that is the
         model itself, "<model>, one C for both axles". Fits with both axles free are refitted with a lag of
         the steering: with a delay alone, the gain that a servo loses lowers Cf. The modes are those of the
-        model itself, as of its matrix A, whose intervals hold those of the refit.
+        model itself (matrix A); their intervals include those of the refit.
         """
         fits = {
             f"{name}{label}": fit

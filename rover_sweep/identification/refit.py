@@ -163,7 +163,7 @@ Known = dict[tuple[int, tuple[float, ...], bytes], RunReplicator]  # by run, win
 class GroupReplicator:
     """The runs of one speed: generates replicates of the fitted responses for any model.
 
-    known: replicators that other models' responses have made already, and which this one adds to.
+    known: replicators already made for other models; this one adds its own.
     """
 
     def __init__(self, group: Group, condition: Condition, known: Known) -> None:

@@ -1,4 +1,4 @@
-"""Fit of the speed's law to sweeps by simulation, with 90 % intervals that know the noise is coloured.
+"""Fit of the speed's law to sweeps by simulation, with 90 % intervals that allow for coloured noise.
 
 Least squares of the simulated against the measured speed (output error: unbiased for noise of any colour in
 the measurement). The covariance is that of least squares with correlated noise (`speed_noise.py`).
@@ -89,7 +89,7 @@ class SpeedNoise:
 
 
 def noise_of(residuals: list[Array], period: float, parameters: int) -> SpeedNoise:
-    """The noise behind the residuals (n,) [m/s] of each run of a fit of so many parameters."""
+    """Noise estimated from each run's residuals (n,) [m/s]; parameters: number fitted."""
     step = max(round(NEAR / period), 1)
     seconds = sum(e.size for e in residuals) * period
     none, near, far = (
@@ -132,13 +132,13 @@ class SpeedFit:
 
 
 def grid_of(run: ThrottleRun, period: float = PERIOD) -> Array:
-    """Even times (n,) [s] of the override."""
+    """Evenly spaced times (n,) [s] of the override."""
     start, end = run.span
     return np.arange(start, end, period)
 
 
 def fit_speed(runs: Sequence[ThrottleRun]) -> SpeedFit:
-    """The law of all runs together; each has its own speed at the start."""
+    """Fits one law to all runs; each has its own initial speed."""
     from scipy.optimize import least_squares
 
     grids = [grid_of(run) for run in runs]

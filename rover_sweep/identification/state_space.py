@@ -153,7 +153,7 @@ class ModelStructure:
         return found[np.isfinite(found)]
 
     def delay(self, *places: str) -> float:
-        """Total delay [s] of inputs and outputs, such as from an input to an output."""
+        """Sum of the delays [s] of the named inputs and outputs."""
         return float(_delay(self, self.values, *places))
 
     def response(

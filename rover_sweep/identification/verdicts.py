@@ -52,7 +52,7 @@ def judge_model(
     ]
     if ended:
         values = ", ".join(f"{e.name} {e.value:.3g} {e.unit}" for e in ended)
-        reasons.append(f"{values} at the bound of what the fit may try, so not a result")
+        reasons.append(f"{values} at the bound of the fit's range, so not a result")
     average = result.average
     level: Level = "good" if average <= J_GOOD else "acceptable" if average <= J_ACCEPTABLE else "poor"
     words = {
@@ -131,7 +131,7 @@ class ReductionStep:
     """One attempt to drop a parameter; before, after: J_ave; reason: why it was tried.
 
     dropped: the drop was accepted. unstable: rejected because the model was stable before and unstable after.
-    value: at which it was fixed, 0 or that of the vehicle file; found: the fitted one, both in its unit.
+    value: fixed at, 0 or from the vehicle file; found: the fitted value, both in its unit.
     """
 
     parameter: str

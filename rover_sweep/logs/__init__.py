@@ -1,1 +1,1 @@
-"""Converts .BIN, .tlog and .csv files to `Recording`s; the only room that knows ArduPilot's field names."""
+"""Converts .BIN, .tlog and .csv files to `Recording`s; only it knows ArduPilot's field names."""

@@ -211,7 +211,7 @@ def refuse_disorder(name: str, stamps: Mapping[str, Array]) -> None:
 
 
 def disorder(message: str, stamps: Array) -> str:
-    """What to do with stamps (n,) [s] of which many are out of order by more than 1 s; "" for others."""
+    """Advice on stamps (n,) [s] of which many are out of order by more than 1 s, else ""."""
     rows = np.flatnonzero(np.isfinite(stamps))
     t = stamps[rows]
     if t.size <= 5:
@@ -295,7 +295,7 @@ def joined_steering(fine: Signal, coarse: Signal | None) -> Signal:
 
 
 def disagreement(coarse: Signal, fine: Signal) -> tuple[float, float]:
-    """(rms difference, standard deviation of `coarse`) [us] where both were logged; zeros where nowhere."""
+    """(rms difference, standard deviation of `coarse`) [us] where both were logged, else zeros."""
     k = np.searchsorted(fine.t, coarse.t)
     inside = (k > 0) & (k < fine.t.size)
     steps = np.diff(fine.t)

@@ -139,7 +139,7 @@ _IN_NAME = re.compile(r"(?<!\d)(20\d\d)[-_.]?([01]\d)[-_.]?([0-3]\d)(?!\d)")
 def recorded_day(path: Path, name: str = "") -> tuple[str, str]:
     """(ISO date in UTC, where it is from): GPS or telemetry stamps, else the name, else the file's time.
 
-    name: of the file where it was before, as in a URL. ("", "") for none.
+    name: original name of the file, as in a URL. ("", "") if unknown.
     """
     stamp = {".bin": _of_flash, ".tlog": _of_telemetry}.get(path.suffix.lower(), lambda p: None)(path)
     if stamp is not None and FIRST <= stamp.year < LAST:

@@ -102,7 +102,7 @@ def half_waves(steering: Signal) -> int:
 def kind_of(whole: Signal, start: float, end: float) -> Kind:
     """The kind of wave in start..end [s].
 
-    'sweep' if the half periods decrease, 'bias_sweep' if it is also not about the steering before it;
+    'sweep' if the half periods decrease, 'bias_sweep' if its centre is also not the steering before it;
     'doublet' for pairs of equal and opposite pulses; 'multisine' if it is periodic but not a sine; else
     'other'.
     """

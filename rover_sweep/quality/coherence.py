@@ -133,7 +133,7 @@ def output_coherence(f: FrequencyResponse) -> OutputCoherence:
 
 
 def sign_is_wrong(response: FrequencyResponse, speed: float) -> bool:
-    """True when r has not the sign of the steering times the speed [m/s] in the lower half of the band."""
+    """True when r lacks the sign of the steering times the speed [m/s] in the lower half of the band."""
     low, high = response.band or (response.w[0], response.w[-1])
     inside = (response.w >= low) & (response.w <= np.sqrt(low * high))
     return bool(np.sum((response.h * response.coherence)[inside]).real * np.sign(speed) < 0)

@@ -216,8 +216,8 @@ def without_faulty(
 ) -> tuple[tuple[Recording, ...], tuple[Recording, ...], tuple[str, ...]]:
     """(runs to fit, runs to check on, a sentence for each run left out because a fault spoils `channels`).
 
-    Contradictory runs stay where they are the majority, as then the file is wrong and not a run; so do all
-    runs where none to fit would be left.
+    Contradictory runs stay if they are the majority, because then the file is wrong. All runs stay if none
+    would be left to fit.
     """
     used = {*channels, "r", "speed"}
     given = (*runs, *checks)

@@ -203,7 +203,7 @@ REACH = 0.25, 4.0  # factors of a clock; outside, the unit is wrong
 def stretched_by_angles(found: Relations) -> Iterator[Note]:
     """A fault when heading and roll angle both change by the same wrong factor of their rates.
 
-    Both gyros may be wrong instead: a_y, which no clock changes, is then that factor times V r. Without a
+    If both gyros are wrong instead, a_y, which no clock changes, is that factor times V r. Without a
     roll angle the heading decides, if r agrees with a_y.
     """
     if found.heading is None:
@@ -242,8 +242,7 @@ def stretched_by_applet(t: Array, clock: Array) -> Iterator[Note]:
 def stretched_by_arrival(t: Array, arrival: Array, heading: Relation | None) -> Iterator[Note]:
     """A fault when messages with vehicle times t (n,) [s] arrive at another rate, arrival (n,) [s].
 
-    In a simulation that runs faster than real time they also do, without fault: if heading and yaw rate were
-    recorded, they decide.
+    A simulation faster than real time does this without fault: heading and yaw rate decide, if recorded.
     """
     ratio = _slope(arrival, t) if t.size >= FEWEST_TIMED and np.ptp(arrival) > LONG_TIMED else 1.0
     refuted = heading is not None and abs(heading.ratio * ratio - 1) > abs(heading.ratio - 1)

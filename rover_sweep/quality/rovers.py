@@ -145,7 +145,7 @@ def stopped_at(run: Recording, stop: float) -> Recording:
     share = 100 * float(np.mean(beyond))
     text = (
         f"the command is beyond max_steering_angle, {stop:.3g} rad, in {share:.0f} % of the run; the wheels "
-        "are taken to stay at their stop there"
+        "are assumed to be at their stop there"
     )
     notes = (*run.notes, Note("info", text)) if beyond.any() else run.notes
     return replace(run, channels={**run.channels, "delta": limited}, notes=notes)

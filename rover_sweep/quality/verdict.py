@@ -1,8 +1,8 @@
 """The verdict on a run: keep it, repeat it with which change, or discard it.
 
-There is one: `identify`, `coherence`, the session and Python say the same of a run. The first fault that
-counts is told: of the recording, of the mounting, of the driving; then the coherence of r, a_y and p decides,
-and the amplitude of the next run follows from the noise within the limits of applet, servo and tyres.
+`identify`, `coherence`, the session and Python give the same verdict. The first fault decides, in the order
+recording, mounting, driving; without a fault, the coherence of r, a_y and p decides. The amplitude of the
+next run follows from the noise, within the limits of applet, servo and tyres.
 """
 
 from __future__ import annotations
@@ -131,7 +131,7 @@ def assess(
 
     found: the run's responses, if already computed; conditioned ones are judged by partial coherence. The
     roll rate is judged only when it has a usable band. vehicle: its file, for friction and the sign of the
-    steering. servo_60_deg: s that the servo takes for 60 deg of its horn (a quick one where not given).
+    steering. servo_60_deg [s]: time of the servo for 60 deg of its horn (default: a quick servo).
     """
     input = "delta" if "delta" in run else "pwm"
     broken = advice_on(run)

@@ -1,4 +1,4 @@
-"""A result as a document: one value, of which terminal, page and notebook show what their room allows.
+"""A result as a document: one value that terminal, page and notebook show as far as space allows.
 
 Each result has one function that builds its document; `on_terminal` and `in_html` are the renderers.
 """
@@ -14,7 +14,7 @@ from rover_sweep.report.wording import Provenance, versions_words
 
 Tone = Literal["", "good", "warn", "bad", "muted", "strong"]
 Level = Literal["brief", "full", "page", "terminal"]
-"""brief: everywhere. full: on the page, and on a terminal where everything was asked for. page, terminal:
+"""brief: everywhere. full: on the page, and on a terminal if everything was requested. page, terminal:
 only there."""
 ON_PAGE: tuple[Level, ...] = ("brief", "full", "page")
 
@@ -29,7 +29,7 @@ class Badge:
 
 @dataclass(frozen=True)
 class Sentence:
-    """One or more sentences. item: of a list; code: a formula, a command or a hash; badge: beside it."""
+    """One or more sentences. item: of a list; code: a formula, a command or a hash; badge: next to it."""
 
     text: str
     tone: Tone = ""
@@ -132,7 +132,7 @@ class Document:
 
 
 def some(*parts: Part | None) -> tuple[Part, ...]:
-    """The parts that are there, without tables, figures and sections that hold nothing."""
+    """The parts that exist, without empty tables, figures and sections."""
     return tuple(part for part in parts if part is not None and _content(part))
 
 

@@ -1,4 +1,4 @@
-"""What any driving shows of the steering, as a document and as driving.json."""
+"""The steering identified from any driving, as document and as driving.json."""
 
 from __future__ import annotations
 

@@ -21,7 +21,7 @@ NONE = "-"
 
 
 def check_report(before: BothChecks, now: BothChecks) -> Document:
-    """The checks of steering and speed in the drive before, if there is one, and with the present gains."""
+    """The checks of steering and speed with the present gains, and in the drive before, if there is one."""
     steering, speed = now
     checks: list[SteeringCheck | SpeedCheck] = [*steering, *speed]
     faults = [fault for check in checks for fault in check.findings]

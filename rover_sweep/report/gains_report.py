@@ -123,7 +123,7 @@ def _origin(limits: SteeringLimits) -> str:
         return words
     confirmed = f"the runs confirm {limits.turn_g:.2f} g"
     if limits.lowers:
-        confirmed += "; it stays as it is, because more was not tested"
+        confirmed += "; it is kept, because more was not tested"
     return f"{words} ATC_TURN_MAX_G: {confirmed}."
 
 

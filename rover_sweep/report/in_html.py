@@ -61,7 +61,7 @@ class PageFiles:
 def write_page(directory: Path, stem: str, document: Document, text: str) -> PageFiles:
     """Writes <stem>.html, then <stem>.json with the text, into a folder, which is created if missing.
 
-    The document of before goes first, so that none stands beside a page that is not its own.
+    The old document is deleted first, so that it is never next to a newer page.
     """
     html = in_html(document)
     path = directory / f"{stem}.json"

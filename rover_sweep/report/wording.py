@@ -96,11 +96,11 @@ class ShownUnits:
         return text.replace("m/s²", self.acceleration).replace("m/s^2", self.acceleration)
 
     def factor(self, unit: str) -> float:
-        """What a number in an SI unit, such as "m/s^2 per rad", is multiplied by."""
+        """Factor for a number in an SI unit, such as "m/s^2 per rad"."""
         return self.per_si if unit.replace("²", "^2").startswith("m/s^2") else 1.0
 
     def db(self, unit: str) -> float:
-        """What is added to a magnitude in dB of an SI unit."""
+        """Offset [dB] of a magnitude in an SI unit."""
         return float(20 * np.log10(self.factor(unit)))
 
 

@@ -44,7 +44,7 @@ class Limit:
 
 @dataclass(frozen=True)
 class BandAmplitude:
-    """The amplitude for a band of about an octave, low..high [rad/s]. response: the one that needs most.
+    """The amplitude for a band of about an octave, low..high [rad/s]. response: needs the largest amplitude.
 
     coherence: median in the band, as estimated; noise_to_signal: power ratio at the driven amplitude, free
     of bias. wanted [us]: for a median coherence of .8 and a random error of 10 %. amplitude [us]: the
@@ -66,7 +66,7 @@ class BandAmplitude:
 
 @dataclass(frozen=True)
 class AmplitudeProposal:
-    """Amplitudes for the next run of this manoeuvre. driven: that of this run [us or unit of the limits].
+    """Amplitudes for the next run of this manoeuvre. driven: in this run [us or unit of the limits].
 
     amplitude: for the whole range, or up to w_max; None when the driven one is enough or cannot be raised.
     w_max [rad/s]: the limits allow a usable coherence up to here; None for everywhere or nowhere. sentence:

@@ -83,7 +83,7 @@ class LineLevels:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Harmonics(Shown):
-    """Levels of the channels of one run of a multisine. start: of T_rec in the recording's time [s]."""
+    """Levels of the channels of one run of a multisine. start [s]: T_rec begins here in the recording."""
 
     run: str
     start: float

@@ -15,7 +15,7 @@ _here = threading.local()  # its `busy` is true in a thread that works for side_
 
 
 def side_by_side(work: Callable[[Item], Result], items: Sequence[Item]) -> Iterator[Result]:
-    """work(item) of each item, in their order, on two threads; one after the other within such a thread.
+    """Results of work(item), in the order of items, on two threads; on one if called within such a thread.
 
     The results are the same as without threads, bit for bit.
     """
@@ -28,7 +28,7 @@ def side_by_side(work: Callable[[Item], Result], items: Sequence[Item]) -> Itera
 
 @contextmanager
 def one_thread() -> Iterator[None]:
-    """Within it, this thread works alone: for a process that is one of several."""
+    """Context without a second thread, for a process that is one of several."""
     before = getattr(_here, "busy", False)
     _here.busy = True
     try:

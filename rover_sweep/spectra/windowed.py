@@ -40,7 +40,7 @@ class Exponentials:
 
 
 class EvenExponentials:
-    """The same for evenly spaced frequencies w = w_0 + (a B + b) dw, faster.
+    """As `Exponentials`, for even frequencies w = w_0 + (a B + b) dw, faster.
 
     exp(-j w t) is the product of a coarse (a) and a fine (b) exponential, so each time stamp needs 2
     sqrt(n_w) exponentials instead of n_w, and the sums are a matrix product. Equal to the direct sums up to
@@ -187,7 +187,7 @@ def window_starts(start: float, end: float, length: float) -> Array:
 def effective_averages(spans: Sequence[tuple[float, float]], length: float) -> float:
     """n_d of the random error's formula, for windows of `length` [s] over runs with spans (start, end) [s].
 
-    T_F/T_win for long runs, less near the length of the runs (15 s in 20 s: .72 instead of 1.33). There
+    T_F/T_win for long runs, less for windows almost as long (15 s in 20 s: .72, not 1.33), for which
     T_F/T_win would give half the true random error (checked on white noise).
     """
     starts = [window_starts(start, end, length) for start, end in spans]

@@ -68,7 +68,7 @@ def test_one_step_is_bounded_and_says_by_what(folder: Path, capsys: pytest.Captu
     assert "ATC_STR_RAT_FF from 0.15 to 0.3 now (the design is 0.9" in words
     assert "ATC_STR_RAT_I from 0 to 0.2 now (the design is " in words and "wheels off the ground" in words
     assert told["proposed"]["step"]["rise_s"] is None
-    assert any("are a step on the way, not the end" in r for r in told["support"]["remarks"])
+    assert any("are an intermediate step" in r for r in told["support"]["remarks"])
     assert told["proposed"]["worst"]["gain_margin_db"] >= 6 <= told["proposed"]["worst"]["phase_margin_deg"]
 
 

@@ -64,7 +64,7 @@ def test_the_concealed_rover_gets_no_model() -> None:
     assert found.summary[0].endswith("use `rover-sweep diagnose` to find what is left out")
     lumped = found.models["lumped"].verdict
     assert lumped.level == "poor" and "J_rms 3.04 (<= 2)" in lumped.sentences[0]
-    assert any("at the bound of what the fit may try" in words for words in lumped.sentences)
+    assert any("at the bound of the fit's range" in words for words in lumped.sentences)
 
 
 def test_a_model_that_predicts_a_run_with_a_large_error_is_not_recommended(run: Recording) -> None:
