@@ -93,7 +93,7 @@ SEED = 1
 def with_numbers(found: Identification, vehicle: Vehicle) -> Identification:
     """The identification with `numbers`, or with a sentence on why there are none.
 
-    Only if the most complete model with tyres that the runs determine is the recommended one, and differs
+    Numbers only if the most complete model with tyres that the runs determine is recommended, and differs
     from the runs by at most noise and normal tolerances: a wrong model does not describe the rover.
     """
     models = usable(found)

@@ -126,7 +126,7 @@ def refuse_overlap(sweeps: Sequence[Recording], checks: Sequence[Recording]) -> 
 
 
 def same_recording(one: Recording, two: Recording) -> bool:
-    """True for the same drive, under any name: of one file (by SHA-256), of a copy, or of both its logs.
+    """True if both are of one drive, under any name: one file (by SHA-256), a copy, or the drive's two logs.
 
     Runs of one file differ in their time, or in their yaw rate if the file holds trials with restarted
     clocks. A copy, whole or in part, has the samples of the other. The two logs of one drive have the same

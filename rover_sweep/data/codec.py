@@ -52,7 +52,7 @@ def in_json(kind: type, left_out: tuple[str, ...] = (), sparse: tuple[str, ...] 
 
 
 def coded_by(kind: type[T], write: Callable[[T], Any], read_from: Callable[[Any], T]) -> None:
-    """A class whose document is not its fields. read_from raises as `decoded` does."""
+    """For a class whose document is not its fields. read_from raises like `decoded`."""
     _CODEC.register_unstructure_hook(kind, write)
     _CODEC.register_structure_hook(kind, lambda document, _: read_from(document))
 

@@ -46,7 +46,7 @@ def keyed_frame(columns: Mapping[str, Any], keys: Mapping[str, Any]) -> Any:
 
 
 def joined_frames(frames: Mapping[str, Any], name: str) -> Any:
-    """One pandas.DataFrame of several, with their keys as the outer index, of this name."""
+    """Joins pandas.DataFrames; their keys become the outer index of this name."""
     found = _pandas().concat(frames)
     found.index.names = [name, *found.index.names[1:]]
     return found

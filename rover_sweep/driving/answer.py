@@ -50,8 +50,8 @@ class DrivingAnswer(Shown):
 
     level: "good", "rough", or "none" if no number is reliable; reasons: why it is not good. numbers: see
     `rs.identify_driving`. unknown: numbers that the driving cannot show, and why. driving: the parts used;
-    fit: None if not possible. speeds: (5 %, 50 %, 95 %) of the speed in turns, m/s. amplitude: for 95 % of
-    the time the steering is nearer to straight ahead. band: (lowest, highest) Hz that hold 90 % of the
+    fit: None if not possible. speeds: (5 %, 50 %, 95 %) of the speed in turns, m/s. amplitude: 95 % of the
+    time the steering deviates less from straight ahead. band: (lowest, highest) Hz that hold 90 % of the
     steering's power. after_sweep: (number, half width of its interval) if a sweep were added. each: {file:
     its own answer} if the files disagree; then there are no common numbers.
     """
@@ -266,9 +266,7 @@ def _steering_curve(fit: DrivingFit, unit: str) -> Iterator[Quantity]:
     """How the steering saturates or grows, where it does."""
     if _decided(fit, "curve"):
         far = f"{number(fit.amplitude, 3)} {unit}"
-        words = (
-            f"how much more than in proportion the steering turns {far} from straight; below 0: it saturates"
-        )
+        words = f"how far the turn exceeds proportionality {far} from straight; below 0: it saturates"
         yield _quantity(fit, "steering_curve", "%", 100 * fit["curve"], {"curve": 100.0}, words)
 
 

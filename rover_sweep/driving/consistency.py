@@ -24,8 +24,8 @@ SLOPE = np.sin(np.radians(2.0))
 def with_one_clock(logs: Sequence[Log]) -> tuple[Log, ...]:
     """The logs, each steering shifted to the delay of most of them, with notes.
 
-    A log whose steering has another clock is moved, and one in which the yaw rate follows the steering at no
-    delay is left out. Fewer than three logs do not show which of them is wrong.
+    A log whose steering has another clock is shifted. One in which the yaw rate follows the steering
+    at none of the delays is left out. Fewer than three logs do not show which of them is wrong.
     """
     found = [_delays(usable_driving([log]).stretches) for log in logs]
     best = np.array([float(shares.max()) for shares in found])

@@ -15,7 +15,7 @@ length or steering ratio is needed.
 
 Road and wind make an error that is not white: it is whitened by an autoregression of the residual (Ljung,
 System Identification, 7.3), and the covariance counts blocks of `BLOCK` seconds as the independent pieces
-(Liang and Zeger 1986), so that repetition within a turn does not count.
+(Liang and Zeger 1986), so that repetition in a turn is not counted as new.
 """
 
 from __future__ import annotations

@@ -250,8 +250,8 @@ def robust(
 ) -> np.ndarray:
     """Mask (n,) of the pairs of P and I that keep both margins for a whole family.
 
-    paths: from controller to measurement, (n_w,) at `frequencies(period)`; most_crossover [rad/s]: largest
-    allowed of the first path, as measured.
+    paths: from controller to measurement, (n_w,) at `frequencies(period)`; most_crossover [rad/s]: limit for
+    the first path, measured up to it.
     """
     keeps = np.ones(p.size, dtype=bool)
     w = frequencies(period)

@@ -43,7 +43,7 @@ class BothWays:
 
 
 def both_ways(model: ModelResult, work: Work) -> tuple[BothWays, ...]:
-    """Compares free parameters, gain and trim of the steering, the yaw mode; () if driven one way.
+    """Compares free parameters, gain and trim of the steering, the yaw mode; () if driven one way only.
 
     model: with tyres, fitted to all runs; Cf and Cr are free here. The gain is that of each way with the
     tyres of all runs; the trim is from the mean yaw rate, in runs with a recorded standstill.

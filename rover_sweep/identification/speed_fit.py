@@ -118,7 +118,7 @@ NAMES = ("gain", "lag", "delay", "offset")
 @dataclass(frozen=True, eq=False)
 class SpeedFit:
     """model; intervals: 90 % {name: (low, high)}; covariance (4, 4) of gain, lag, delay, offset. fit: share
-    of the speed's variation that is explained, 1 is all; residual [m/s rms]; noise: behind it; at_bound:
+    of the speed's variation that is explained, 1 is all; residual [m/s rms]; noise: its model; at_bound:
     names at a bound; starts: speed of each run as its override begins [m/s]."""
 
     model: SpeedModel

@@ -78,7 +78,7 @@ def excitation(steering: Signal, start: float, end: float, rest: float) -> tuple
 
 
 def active_threshold(steering: Signal) -> float:
-    """Smallest deviation from straight that is steering, in the signal's unit."""
+    """Smallest deviation from straight counted as steering, in the signal's unit."""
     return ACTIVE_RAD if steering.unit == "rad" else ACTIVE_US
 
 

@@ -84,7 +84,7 @@ def table_of(
 
 @dataclass(frozen=True)
 class Terms:
-    """What terms mean: (term, meaning)."""
+    """Explanations: (term, meaning)."""
 
     rows: tuple[tuple[str, str], ...]
     level: Level = "page"
@@ -92,7 +92,7 @@ class Terms:
 
 @dataclass(frozen=True)
 class Figures:
-    """Charts, made when the document is shown. small: beside each other."""
+    """Charts, made when the document is shown. small: side by side."""
 
     charts: tuple[ChartPlan, ...]
     small: bool = False
@@ -103,7 +103,7 @@ class Figures:
 class Section:
     """Parts below a heading; without any it is not shown. anchor: its address on the page, "" for none.
 
-    folded: on the page only the heading is seen at first ("closed"). beside: tables beside each other.
+    folded: on the page only the heading is seen at first ("closed"). beside: tables side by side.
     """
 
     heading: str
@@ -121,7 +121,7 @@ P = TypeVar("P", bound=Part)
 
 @dataclass(frozen=True)
 class Document:
-    """A result. answer: what comes first; links: (address, words) of other pages; foot: small print."""
+    """A result. answer: shown first; links: (address, words) of other pages; foot: small print."""
 
     title: str
     subtitle: str

@@ -168,7 +168,7 @@ def speed_margin_table(proposal: SpeedProposal) -> Table | None:
     note = (
         "Worst: within the 90 % intervals, with a battery 10 % up or down; at least 6 dB and 45 deg are "
         f"kept. Step from {step.start:.2f} to {step.start + step.size:.2f} m/s; the tracking error "
-        "is to the target that the firmware limits by its acceleration."
+        "is from the target after the firmware's acceleration limit."
     )
     return table_of("Margins and predicted step", ("", *columns), rows, note)
 

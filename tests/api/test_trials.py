@@ -130,7 +130,7 @@ def test_wrong_names_of_trials_are_refused(trials: str, tmp_path: Path) -> None:
     for source, columns, without, words in (
         (f"{trials}:9", MAP, (), r"drive.csv has no trial '9'.* 1, 2, 3, 4"),
         (trials, MAP, every, "leave some to fit"),
-        (trials, MAP, trials, "leaves out everything"),
+        (trials, MAP, trials, "leaves out all"),
         (trials, MAP, "drvie.csv:3", r"without: drvie.csv:3 is none of the sources \(.*drive.csv"),
         (f"{whole}:1", bare, (), "only one run"),
         (odd, MAP, (), "cannot be read"),  # its extension is not .csv
