@@ -106,7 +106,7 @@ class Autopilot:
     """The loop around the controller. loop_hz: main loop; gyro_hz: low-pass of the gyro, 0 for none.
 
     scale_base: MOT_SPD_SCA_BASE [m/s]. us_right, us_left: PWM [us] from trim to the end of each side.
-    rate_max [rad/s], accel_max [rad/s^2], lateral_g_max [g]: limits of the target, 0 for none (except g).
+    rate_max [rad/s], accel_max [rad/s^2], lateral_g_max [g]: limits of the target, 0 for none (except for g).
     angle_p: ATC_STR_ANG_P [1/s] of the heading controller.
     reversed: SERVOn_REVERSED. assumed: names of parameters that were not given and have their defaults.
     """
