@@ -315,7 +315,7 @@ def course_rate(vx: Array, vy: Array, ax: Array, ay: Array) -> Array:
     return np.asarray((vx * ay - vy * ax) / fast**2)
 
 
-def sampled(t: Array, x: Array) -> Mask:
+def measured_once(t: Array, x: Array) -> Mask:
     """True (n,) where a value was measured, False where a slower source's last value is written again."""
     new = np.concatenate(([True], np.diff(x) != 0))
     usual = float(np.median(np.diff(t[new]))) if new.sum() > 1 else 0.0
@@ -330,7 +330,7 @@ def slope(t: Array, x: Array) -> Array:
     """
     if t.size < 2:
         return np.zeros_like(x)
-    new = sampled(t, x)
+    new = measured_once(t, x)
     s, y = t[new], x[new]
     if s.size < 2:
         return np.zeros_like(x)
