@@ -1,3 +1,3 @@
-"""The version, where everybody may import it from."""
+"""The version, for import by every module."""
 
 __version__ = "0.2.0"

@@ -18,7 +18,7 @@ class UsageError(RoverSweepError):
 
 
 def missing_extra(need: str, extra: str) -> UsageError:
-    """need: what needs which library; extra: of pyproject.toml. The package itself is on no index."""
+    """need: "X needs library Y"; extra: of pyproject.toml. The package itself is on no index."""
     return UsageError(
         f"{need}, which is not installed; in the folder of rover-sweep, run: pip install -e '.[{extra}]'"
     )

@@ -1,4 +1,4 @@
-"""What differs between Linux, macOS and Windows: the only module with calls that one of them lacks.
+"""Differences of Linux, macOS and Windows: the only module with calls that one of them lacks.
 
 A call is looked for when it is needed, not by the name of the system. Windows' side was never run on a real
 Windows; `tests/windows` imitates one.
@@ -28,7 +28,7 @@ _POLL = 0.2  # s
 
 
 def _optional(name: str) -> Any:
-    """A module of the standard library; None where the system lacks it."""
+    """A module of the standard library; None if the system lacks it."""
     try:
         return importlib.import_module(name)
     except ImportError:

@@ -1,4 +1,4 @@
-"""Every log measured once: the values are saved as they come, so that a restart goes on where it stopped."""
+"""Every log measured once: the values are saved as they come, so that a restart continues there."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ def _without_pairs(source: str, names: Sequence[str]) -> list[str]:
 
 
 def content_key(source: str) -> str:
-    """A hash that changes with the contents: a file's sha256, what fsspec knows of a URL; "" for none."""
+    """A hash that changes with the contents: a file's sha256, or fsspec's key of a URL; "" for none."""
     try:
         if "://" in source:
             fs, path = _opened(source)
@@ -86,7 +86,7 @@ def content_key(source: str) -> str:
 
 @contextmanager
 def local_file(source: str) -> Iterator[Path]:
-    """The log as a local file; of a URL a copy that is removed again. DataRefused where it cannot be read."""
+    """The log as a local file; for a URL a temporary copy. DataRefused if it cannot be read."""
     if "://" not in source:
         yield Path(source)
         return
@@ -294,7 +294,7 @@ SHORTEST = 5.0  # s of manoeuvres in a log that is fitted
 
 
 def measure(source: str, files: VehicleFiles) -> dict[str, Any]:
-    """The values of one log as plain JSON types, with its sentence where it cannot be used."""
+    """The values of one log as plain JSON types, with the reason if it cannot be used."""
     log = MeasuredLog(source)
     try:
         with local_file(source) as path:
@@ -307,7 +307,7 @@ def measure(source: str, files: VehicleFiles) -> dict[str, Any]:
 
 
 def made_by(vehicle_file: str, files: VehicleFiles) -> list[str]:
-    """What the values depend on beside the log: the version, and the contents of the vehicle file."""
+    """The values' other origins than the log: the version, and the contents of the vehicle file."""
     return [__version__, files.digest(vehicle_file)]
 
 
@@ -371,7 +371,7 @@ def measured_logs(
 ) -> tuple[MeasuredLog, ...]:
     """All logs in the order of the sources. kept: folder of the saved values. pool: the workers.
 
-    RoverSweepError where the workers are lost; what is done is kept.
+    RoverSweepError if the workers are lost; finished logs are kept.
     """
     paths = {source: kept / f"{_key(source)}.json" for source in sources}
     found = {source: log for source in sources if (log := _saved(paths[source], source, files)) is not None}
@@ -387,12 +387,12 @@ def measured_logs(
 
 
 def _key(source: str) -> str:
-    """Name of the saved values: of the place and the contents of a log."""
+    """Name of the saved values, from the place and the contents of a log."""
     return hashlib.sha256(f"{source}\0{content_key(source)}".encode()).hexdigest()[:24]
 
 
 def _saved(path: Path, source: str, files: VehicleFiles) -> MeasuredLog | None:
-    """The saved values, None where there are none or they depend on something else now."""
+    """The saved values, None if there are none or if they are out of date."""
     try:
         document: dict[str, Any] = read_json(path.read_text(encoding="utf-8"))
         log = from_document(document)

@@ -99,7 +99,7 @@ def diagnose_day(sources: Sequence[str], name: str, text: str) -> dict[str, Any]
 
 
 def _key(logs: Sequence[MeasuredLog], files: VehicleFiles) -> str:
-    """What a diagnosis depends on: the logs, the vehicle file, the version."""
+    """A key of the logs, the vehicle file and the version."""
     parts = [__version__, files.digest(logs[0].vehicle_file), *(log.sha256 for log in logs)]
     return hashlib.sha256("\0".join(parts).encode()).hexdigest()
 

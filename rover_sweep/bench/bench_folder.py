@@ -151,7 +151,7 @@ class Number:
 
 @dataclass(frozen=True)
 class BenchResult:
-    """untold: sentences on numbers not measured, and why; remarks: sentences; residual: rms [rad]; samples:
+    """untold: sentences on why numbers were not measured; remarks: sentences; residual: rms [rad]; samples:
     number of angles."""
 
     source: str
@@ -231,7 +231,7 @@ def _holds_0(number: Number) -> bool:
 
 
 def write_bench_numbers(path: Path, result: BenchResult) -> dict[str, Measured]:
-    """Write them into the file, comments kept; what was written."""
+    """Write them into the file; keeps comments. Returns those written."""
     numbers = numbers_for_file(result)
     set_numbers(path, numbers)
     return numbers

@@ -36,7 +36,7 @@ BEGIN = 0.02  # rad, likewise, of the wheel in its gap before it is moved
 class Wheel:
     """t (n,) s; angle (n,) rad or rate (n,) rad/s, left positive if `sign` is known.
 
-    clock: standard deviation [s] of its clock beside the rover's, inf where they are not related.
+    clock: standard deviation [s] of its clock from the rover's, inf if they are unrelated.
     """
 
     t: Array
@@ -47,7 +47,7 @@ class Wheel:
 
 @dataclass(frozen=True)
 class Command:
-    """What was put out: t (m,) s, pwm (m,) us; trim [us]: taken as straight ahead."""
+    """The outputs: t (m,) s, pwm (m,) us; trim [us]: taken as straight ahead."""
 
     t: Array
     pwm: Array
@@ -99,7 +99,7 @@ class WheelProblem:
 
 
 def problem_of(command: Command, wheel: Wheel, offset: float, slope: float) -> WheelProblem:
-    """offset [s]: that the wheel's clock is ahead; slope [rad/us]: roughly. DataRefused for too little."""
+    """offset [s]: lead of the wheel's clock; slope [rad/us]: approximate. DataRefused for too few data."""
     if command.t.size < 20 or wheel.t.size < 100:
         raise DataRefused(
             f"{command.t.size} outputs and {wheel.t.size} samples of the wheel are too few for a bench"
@@ -338,8 +338,8 @@ def _bounds(problem: WheelProblem) -> tuple[Array, Array]:
 
 
 def covariance_of(problem: WheelProblem, done: Any) -> tuple[Array, float]:
-    """Covariance of all that was fitted, and the noise in `problem.noise`s: what is left, hanging together
-    over a BLOCK as it does."""
+    """Covariance of all fitted numbers, which allows for residuals that correlate within a BLOCK; and the
+    noise in units of `problem.noise`."""
     size = done.fun.size - len(USUAL) - 1 - (done.x.size - len(problem.names))
     left = done.fun[:size]
     noise = float(np.sqrt(left @ left / max(size - done.x.size, 1)))
@@ -422,7 +422,7 @@ def _result(problem: WheelProblem, done: Any, factor: float, sign: float | None,
 
 
 def _limit(problem: WheelProblem, q: dict[str, float], sd: dict[str, float], factor: float) -> Number:
-    """The rate limit; if no step reached it, the rate that the steps asked for is its lower bound."""
+    """The rate limit; if no step reached it, its lower bound: the rate that the steps required."""
     largest = float(np.max(np.abs(np.diff(problem.command.pwm)))) * abs(q["k"])
     asked = largest / max(q["lag"] + factor * sd["lag"], 1e-3)
     least, most = (q["slowness"] + side * factor * sd["slowness"] for side in (-1, 1))

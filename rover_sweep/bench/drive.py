@@ -120,7 +120,7 @@ class Movement:
 
     @property
     def words(self) -> str:
-        """A sentence on what will move."""
+        """A sentence on the movement."""
         size = f"to {self.largest:g} us on either side"
         if self.kind == "steps":
             return f"the front wheels JUMP {size}, {len(self.targets)} times, {self.duration:.0f} s in all"
@@ -335,7 +335,7 @@ class _Bench:
         self.standstill.require()
 
     def carry_out(self, movement: Movement) -> None:
-        """One movement from the trim and back to it, released at its end."""
+        """Move from the trim and back to it, then release."""
         self.standstill.require()
         reads, number = sum(target.read for target in movement.targets), 0
         with SteeringOverride(self.link, self.output) as steering:

@@ -185,8 +185,8 @@ class Standstill:
 def evaluate(
     folder: BenchFolder, vehicle: Vehicle | None, wheel: Path | None = None, same_clock: bool | None = None
 ) -> BenchResult:
-    """What a bench found. wheel: a file of the wheel's IMU in place of the folder's; same_clock: whether it
-    is on the rover's clock, as the folder says if None. DataRefused where it holds too little."""
+    """The result of a bench. wheel: a file of the wheel's IMU, else the folder's; same_clock: whether it
+    is on the rover's clock, as the folder says if None. DataRefused for too few data."""
     content = folder.description()
     trim = float(content["steering_output"]["trim"])
     sign = copysign(1.0, vehicle.rad_per_us.value) if vehicle and vehicle.rad_per_us else None
@@ -202,7 +202,7 @@ def evaluate(
 
 
 def _in_order(readings: tuple[AngleReading, ...]) -> Readings:
-    """As they were taken; an angle is beside the PWM that was seen, or where none was, asked for."""
+    """The readings in order, each with its measured PWM, or without one, with the commanded PWM."""
     if not readings:
         raise DataRefused("no angle was read in this bench, so there is nothing to evaluate")
     pwm = np.array([r.pwm for r in readings])
@@ -210,7 +210,7 @@ def _in_order(readings: tuple[AngleReading, ...]) -> Readings:
 
 
 def _command(folder: BenchFolder, content: dict[str, Any], trim: float) -> tuple[Command, float]:
-    """The steering output on the rover's clock, and what that clock is behind ours [s]."""
+    """The steering output on the rover's clock, and the lag of that clock behind ours [s]."""
     from rover_sweep.logs.readers.tlog import open_tlog
     from rover_sweep.logs.readers.vehicle_clock import CLOCKS, sessions
 

@@ -145,7 +145,7 @@ NOT_NEGATIVE = ("w", "b")
 def static_numbers(
     names: Sequence[str], x: Array, covariance: Array, factor: float, reach: float
 ) -> tuple[Number, ...]:
-    """rad_per_us over +-`reach` us and at its centre, either side's, and what else was fitted.
+    """rad_per_us over +-`reach` us and at its centre, on either side, and the other fitted numbers.
 
     names: of x (n,); covariance (n, n); factor: half an interval in standard deviations.
     """

@@ -1,4 +1,4 @@
-"""How to move the steering at a standstill, and what forbids it. Pure.
+"""How to move the steering at a standstill, and the conditions for it. Pure.
 
 The steering is moved by RC_CHANNELS_OVERRIDE of the steering channel alone, in MANUAL, DISARMED. Facts of
 Rover-4.6.3, read there and seen on the program: AP_MotorsUGV::output_regular always lets the steering move,
@@ -137,7 +137,7 @@ def _servo(have: Mapping[str, float]) -> int:
 
 
 def steering_output(have: Mapping[str, float]) -> SteeringOutput:
-    """Out of the parameters `NAMES` and `names_of`. UsageError with a sentence for what forbids a bench."""
+    """From the parameters `NAMES` and `names_of`. UsageError with the reason if a bench is not allowed."""
     _refuse(have)
     servo, roll, throttle = _servo(have), int(have.get("RCMAP_ROLL", 1)), int(have.get("RCMAP_THROTTLE", 3))
     lacking = [name for name in names_of(have) if name not in have]

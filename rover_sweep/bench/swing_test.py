@@ -73,7 +73,7 @@ class GravityCheck:
 
 @dataclass(frozen=True)
 class SwingTest:
-    """What was measured: mass hung [kg], wire length h and spacing d [m], period of the turning swing [s].
+    """The measurements: mass hung [kg], wire length h and spacing d [m], period of the turning swing [s].
 
     rig_mass, rig_period: of the board or cradle swung alone on the same wires, if there was one; `period` is
     then that of rover and rig together and `mass` that of the rover alone.
@@ -93,7 +93,7 @@ class SwingTest:
 
 @dataclass(frozen=True)
 class Inertia:
-    """Result: moment [kg m^2]; shares: part of the variance that each measurement brings, 0..1."""
+    """Result: moment [kg m^2]; shares: share of the variance due to each measurement, 0..1."""
 
     moment: Measured
     radius_of_gyration: float

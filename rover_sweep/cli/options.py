@@ -131,13 +131,13 @@ class Grouped(click.Command):
 
 
 class Parsed(click.ParamType):
-    """What a function makes of an option's text; its ValueError is the usage error."""
+    """An option's text, converted by a function; its ValueError is the usage error."""
 
     def __init__(self, name: str, make: Callable[[str], Any]) -> None:
         self.name, self._make = name, make
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        """The value; a default that is no text stays as it is."""
+        """The value; a default that is not text is kept."""
         if not isinstance(value, str):
             return value
         try:
@@ -309,7 +309,7 @@ def refuse_no_folder(output: str) -> None:
 
 
 def refuse_input(output: str, *inputs: str | Path | None) -> None:
-    """UsageError if the file is one of the inputs, or what is read of a folder that is one."""
+    """UsageError if the file is one of the inputs, or is read from an input folder."""
     path = Path(output).resolve()
     for given in (Path(given).resolve() for given in inputs if given is not None):
         if path == given or (path.parent == given and path.name in READ_IN_FOLDERS):
@@ -345,7 +345,7 @@ def check_writable(folder: Path) -> None:
 
 
 def check_report_folder(folder: Path, documents: tuple[str, ...], written: tuple[str, ...]) -> None:
-    """UsageError if `folder` is not writable, or has files that a report would replace and are none of one.
+    """UsageError if `folder` is not writable, or if a report would replace files that no report wrote.
 
     documents: names of the files that a report always has. written: glob patterns of the others.
     """

@@ -1,1 +1,1 @@
-"""What a screen is fed from and asks: a vehicle while it is driven, or a recording that is played."""
+"""The source of a screen's data and answers: a driven vehicle, or a played recording."""

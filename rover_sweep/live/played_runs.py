@@ -55,7 +55,7 @@ class PlayedRun:
 
     @cached_property
     def verdict(self) -> Verdict:
-        """As `live.verdict.judge` gives it right after the run."""
+        """The verdict of `live.verdict.judge` after the run."""
         return replace(verdict_on_run(self.recording), source=self.path)
 
     def _outcome(self) -> tuple[bool, str]:
@@ -67,14 +67,14 @@ class PlayedRun:
 
 
 def _told(log: Log, begin: float, end: float) -> tuple[int, bool, str] | None:
-    """What the applet told at the end of the run between two times [s]."""
+    """The applet's report at the end of the run between two times [s]."""
     texts = (text for t, text in log.marks if begin < t <= end + 1.0)
     return next(filter(None, map(outcome_told, texts)), None)
 
 
 @dataclass(frozen=True)
 class RunSpan:
-    """A run and the positions [s from the start of its recording] between which it lies.
+    """A run with its begin and end [s from the start of its recording].
 
     from_applet: the applet reported its states there.
     """
@@ -92,7 +92,7 @@ def runs_in(
     parameters: Callable[[float], dict[str, float]],
     quality: Callable[[float, float], tuple[StreamQuality, ...]] = lambda a, b: (),
 ) -> tuple[tuple[PlayedRun, ...], str]:
-    """The runs of a log, and why there are none. states: the applet's, in time; parameters: at a time [s]."""
+    """The runs of a log, or why there are none. states: the applet's, in time; parameters: at a time [s]."""
     try:
         found = runs_of(log)
     except DataRefused as refusal:

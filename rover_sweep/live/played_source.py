@@ -1,6 +1,6 @@
 """A recording as the source of a screen: played at any rate, paused, forwards and backwards.
 
-Nothing here talks to a vehicle; what a screen asks of one is answered in words.
+Nothing here talks to a vehicle; a screen's requests are refused with a sentence.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from rover_sweep.vehicle.identity import VehicleIdentity
 class Track(Protocol):
     """Positions are s of the vehicle's clock from the start of the recording; a restart takes no time.
 
-    length [s]; places: its runs; remarks: what has to be said of the recording; log: the first in it.
+    length [s]; places: its runs; remarks: sentences on the recording; log: the first in it.
     """
 
     length: float
@@ -136,11 +136,11 @@ class PlayedSource:
                 self._keep_time()
 
     def _anchor(self) -> None:
-        """From now on the recording runs at its rate from where it stands."""
+        """From now on, play from the present position at the set rate."""
         self._since, self._from = time.monotonic(), self.at
 
     def _keep_time(self) -> None:
-        """Wait for the next tick and play up to it; where that cannot keep up, as fast as it goes."""
+        """Wait for the next tick and play up to it; if it is behind, do not wait."""
         behind = self._from + (time.monotonic() - self._since) * self.rate - self.at
         if behind < TICK * self.rate:
             self._wait(TICK - behind / self.rate)
@@ -200,7 +200,7 @@ class PlayedSource:
         return next((p for p in self.track.places if p.begin <= self.at < p.end), None)
 
     def _snapshot(self) -> Snapshot:
-        """With the state that an applet would have update, where there was none."""
+        """The snapshot; without an applet, with the state that it would have."""
         now = self.track.snapshot()
         place = self._place()
         if place is None or place.from_applet:
@@ -213,7 +213,7 @@ class PlayedSource:
 
 
 def played(track: Track, since: float, to: float) -> Iterator[Event | Judged]:
-    """Plays a track on from `since` to `to` s: its own events, and those of the runs that begin or end."""
+    """Play a track from `since` to `to` s: its events, and those of the runs that begin or end."""
     turns = sorted(
         [(p.begin, 1, p) for p in track.places if since < p.begin <= to]
         + [(p.end, 0, p) for p in track.places if since < p.end <= to],

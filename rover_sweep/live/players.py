@@ -92,7 +92,7 @@ class FlashPart:
         self._bytes = PlayedColumn(stamps, bytes_of.astype(float), math.inf)
 
     def parameters(self, t: float) -> dict[str, float]:
-        """As they were at a time: the last value of each up to it."""
+        """Their values at a time: the last of each up to then."""
         count = int(np.searchsorted(self._set_at, t, "right"))
         return {name: value for _, name, value in self._set[:count]}
 
@@ -145,13 +145,13 @@ class FlashPart:
         yield from (event for _, event in sorted(found, key=lambda entry: entry[0]))
 
     def _uses_gps(self, t: float, fix: int) -> bool:
-        """By the estimator's own word; a log without it (LOG_BITMASK) has a velocity where there is a fix."""
+        """As the estimator reports; a log without that (LOG_BITMASK) has a velocity if there is a fix."""
         if "ekf" in self._columns:
             return has_position(_whole(self._value("ekf", t), 0))
         return fix >= FIX_3D and math.isfinite(self._value("speed", t))
 
     def _arming(self) -> PlayedColumn:
-        """1 armed, 0 not. A log opens on arming, before that is written: what the first entry ends was so."""
+        """1 armed, 0 not. Before its first entry the state is the opposite: a log opens on arming."""
         if not self._flash.has("ARM", "ArmState"):
             return PlayedColumn(np.empty(0), np.empty(0), math.inf)
         t, armed = self._flash.seconds("ARM"), self._flash.column("ARM", "ArmState")
@@ -161,7 +161,7 @@ class FlashPart:
         return self._columns[name].at(t) if name in self._columns else math.nan
 
     def _states(self) -> tuple[tuple[float, int], ...]:
-        """Where the applet's state changes; idle where it says nothing. Empty for the one of 2025."""
+        """The changes of the applet's state; idle if it reports none. Empty for the applet of 2025."""
         rows = self.log.applet
         if rows is None or is_old(rows):
             return ()
@@ -196,7 +196,7 @@ def _whole(value: float, otherwise: int) -> int:
 
 
 class FlashTrack:
-    """Where a DataFlash log stands while it is played; a `played_track.Track`."""
+    """The position in a DataFlash log that is played; a `played_track.Track`."""
 
     def __init__(self, path: Path) -> None:
         logs = read_logs(str(path))
@@ -270,7 +270,7 @@ class FrameIndex:
         return data[a : a + 8 + data[a + 1]]
 
     def before(self, at: float) -> int:
-        """How many frames have come up to a position, that one included."""
+        """Number of frames up to and including a position."""
         return int(np.searchsorted(self.at, at, "right"))
 
     def position(self, start: int, t: float) -> float:
@@ -284,7 +284,7 @@ class FrameIndex:
 
 
 def frame_index(path: Path) -> FrameIndex:
-    """Index a telemetry log. DataRefused where no frame of an ArduPilot vehicle carries its time."""
+    """Index a telemetry log. DataRefused if no ArduPilot frame carries its time."""
     data = path.read_bytes()
     _, own, _ = messages_of_vehicle(path, parse_tlog(data, WANTED))
     starts_of_vehicle = tuple(sessions(own))
@@ -346,10 +346,10 @@ READ = (
 
 
 class TlogTrack:
-    """Where a telemetry log stands while it is played.
+    """The position in a telemetry log that is played.
 
     length [s]; places: its runs and the positions [s from the start] where each begins and ends;
-    remarks: what has to be said of the recording; log: of the first start of the vehicle. Raises
+    remarks: sentences on the recording; log: of the first start of the vehicle. Raises
     DataRefused as `logs.read` does.
     """
 
@@ -366,7 +366,7 @@ class TlogTrack:
         self.seek(0.0)
 
     def seek(self, at: float) -> None:
-        """Go to a position [s]; what would be known there after playing up to it is known."""
+        """Go to a position [s]; the state is as after playing up to it."""
         self._telemetry, self._follower, self._assembler = Telemetry(), Follower(), TextAssembler()
         k = self.index.before(at)
         now = self.index.t[k - 1] if k else self.index.t[0]
@@ -406,7 +406,7 @@ class TlogTrack:
                 self._follower.text(text)
 
     def _runs(self, path: Path, k: int, log: Log) -> tuple[tuple[RunSpan, ...], str]:
-        """Of start number `k` of the vehicle: runs with their positions, and why there are none."""
+        """The runs after start `k` of the vehicle, with positions; the reason if there are none."""
         session, index = self.index.sessions[k], self.index
         states = tuple((float(index.t[j]), state) for j, state in self._changes if index.start[j] == k)
 
@@ -423,7 +423,7 @@ class TlogTrack:
 
 
 def _changes(index: FrameIndex) -> tuple[tuple[int, int], ...]:
-    """(frame, state) wherever the applet tells another state than before, or the first after a start."""
+    """(frame, state) where the applet's state changes, or is the first after a start."""
     found = []
     for session in index.sessions:
         if (frames := session.messages.get("NAMED_VALUE_FLOAT")) is not None:

@@ -69,7 +69,7 @@ class Snapshot:
 
 @dataclass(frozen=True)
 class CoherenceBand:
-    """Coherence of one response in a band [rad/s]: the median in it, and the verdict in a word or two."""
+    """Coherence of one response in a band [rad/s]: its median, and a verdict of one or two words."""
 
     response: str
     low: float
@@ -98,9 +98,9 @@ class ResponseCurve:
 @dataclass(frozen=True)
 class Verdict:
     """The verdict on a run. sentence: what to do and why, in plain words; amplitude: proposed for the
-    next one [us], None where this one's will do. per_band: amplitudes proposed band by band,
+    next one [us], None if the present one is enough. per_band: amplitudes proposed band by band,
     (low, high [rad/s], us). source: the recording that was judged. curves: what was measured, to draw it.
-    throttle: (that of the run, the lower one proposed) [us], None where it was not too high."""
+    throttle: (of the run, proposed) [us], None if it was not too high."""
 
     run: str
     advice: Advice

@@ -1,4 +1,4 @@
-"""A vehicle on a link as the source of a screen: one thread owns the link and does what is asked.
+"""A vehicle on a link as the source of a screen: one thread owns the link and does the requests.
 
 The link is pumped all the time, also while nothing is asked: telemetry is recorded, and reported about ten
 times a second. `abort` reaches a run wherever it waits for the vehicle. A link that is lost is opened
@@ -83,7 +83,7 @@ class Background:
         self._pool.submit(lambda: self._given.put(_judged(tlog, span, name, vehicle_file)))
 
     def tell(self, verdict: Verdict) -> None:
-        """A verdict that needs no computing, after those that are being worked on."""
+        """Add a verdict that needs no computing, after those in progress."""
         self._pool.submit(self._given.put, verdict)
 
     def given(self) -> Iterator[Verdict]:
@@ -183,7 +183,7 @@ class VehicleWork:
             yield from self._streams(link)
 
     def drive(self, link: Link, request: DriveRequest) -> Iterator[Update]:
-        """One run, and the verdict on it."""
+        """Drive one run and judge it."""
         planned, settings = request.planned, request.settings
         try:
             refuse_impossible(link, (planned,), settings)
@@ -212,7 +212,7 @@ class VehicleWork:
             raise Aborted
 
     def fetch(self, link: Link) -> Iterator[Update]:
-        """The logs that are new."""
+        """Fetch the new logs."""
         logs = MavlinkLogs(link)
         if self.session.content.logs_before is None:
             yield Notice("warning", "it is unknown which logs are new, so the last one is fetched")
@@ -251,7 +251,7 @@ class VehicleWork:
 
 
 def _neutral(link: Link) -> int | None:
-    """The trim of the throttle [us], None if the rover no longer tells it."""
+    """The trim of the throttle [us], None if the rover does not report it."""
     with contextlib.suppress(LinkError):
         return find_channels(link).throttle_trim
     return None
@@ -299,11 +299,11 @@ class VehicleSource:
         self._thread.start()
 
     def ask(self, request: Request) -> None:
-        """Carried out in turn; returns at once."""
+        """Queue a request; returns at once."""
         self._requests.put(request)
 
     def abort(self) -> None:
-        """End the run under way, let the rover go, forget what was asked before. From any thread."""
+        """End the run, release the rover, drop pending requests. From any thread."""
         while (request := self._next(0.0)) is not None:
             self._forgotten.put(request)
         self._stop.set()
@@ -434,7 +434,7 @@ class VehicleSource:
             self._telemetry.message(message, self._link.clock.now)
 
     def _tick(self) -> None:
-        """Called wherever anybody waits on the link."""
+        """Called during every wait on the link."""
         self._stop_if_asked()
         now = time.monotonic()
         if now - self._told_at < _EVERY or self._link is None:

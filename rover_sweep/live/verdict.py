@@ -118,7 +118,7 @@ def too_fast(reason: str) -> tuple[float, float] | None:
 def stopped_verdict(
     planned: SessionRun, reason: str, tlog: Path, throttle: int | None = None, neutral: int | None = None
 ) -> Verdict:
-    """To repeat the run. throttle: with which this program drove, None if the pilot did; neutral: the
+    """The verdict to repeat. throttle: that of this program, None if the pilot drove; neutral: the
     throttle's trim, None if unknown [us].
 
     A throttle that is too high is lowered in proportion to the speed. The speed was still rising, and a motor

@@ -249,9 +249,9 @@ def is_session(folder: Path) -> bool:
 
 
 def without_run(tlog: Path) -> str:
-    """For a session's tlog in which the applet did nothing: a sentence with those that hold a complete run.
+    """For a session's tlog in which the applet did nothing: a sentence that lists those with a complete run.
 
-    "" for any other file, and where none holds one.
+    "" for any other file, or if no run is complete.
     """
     folder = tlog.parent
     if tlog.suffix != ".tlog" or not (folder / DESCRIPTION).is_file() or not tlog.is_file():

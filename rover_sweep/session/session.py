@@ -243,7 +243,7 @@ def drive(
 
     In a folder with a session, only the runs not completed yet are driven. vehicle_file: copied into the
     folder. Ctrl-C (or KeyboardInterrupt thrown in) during a run ends this run and the session; the logs are
-    fetched. So does a run that stops early on a rover that this program arms.
+    fetched. A run that stops early also ends the session if this program arms.
     """
     with contextlib.closing(Session.open(folder)) as session:
         if vehicle_file is not None:

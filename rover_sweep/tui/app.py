@@ -199,7 +199,7 @@ class SweepApp(SessionApp):
             self.action_view(frame.VIEWS[(frame.VIEWS.index(self.screen.view) + step) % len(frame.VIEWS)])
 
     def action_keys_help(self) -> None:
-        """The keys of the view on top; not over a question, whose every other key is no."""
+        """The keys of the view on top; not over a question, where every other key means no."""
         if isinstance(screen := self.screen, SessionScreen):
             about = (type(screen).__doc__ or "").split("\n")[0]
             self.push_screen(KeysHelp(self.palette, screen.view, about, list(screen.keys_now())))

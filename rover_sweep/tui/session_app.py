@@ -57,7 +57,7 @@ _OLD = 60.0  # s
 
 
 def _outside(state: State) -> tuple[object, ...]:
-    """What the status row shows of a rover and the checks judge: mode, arming, switch, fix, EKF."""
+    """Values in the status row that the checks judge: mode, arming, switch, fix, EKF."""
     now = state.snapshot
     return () if now is None else (now.mode, now.armed, switch_label(now.switch), now.fix, now.ekf)
 
@@ -156,7 +156,7 @@ class SessionApp(App[None]):
 
     @property
     def checks_old(self) -> bool:
-        """True if the rover was seen otherwise since the shown checks, or they are older than a minute."""
+        """True if the rover changed since the shown checks, or they are older than a minute."""
         return self.checks_age > _OLD or _outside(self.state) != self._checked_on
 
     @property
@@ -202,7 +202,7 @@ class SessionApp(App[None]):
         return step is not None and step[0] == self.setup.settings.throttle_us and not self.state.under_way
 
     def lower_throttle(self, run: RunRecord) -> None:
-        """Set the throttle of the next runs to what the run's verdict proposes; drives nothing."""
+        """Set the throttle of the next runs to the value that the run's verdict proposes; drives nothing."""
         if self.can_lower_throttle(run) and run.verdict and run.verdict.throttle:
             driven, lower = run.verdict.throttle
             settings = replace(self.setup.settings, throttle_us=lower)

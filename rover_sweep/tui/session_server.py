@@ -1,7 +1,7 @@
 """Serves the terminal session to one browser, by textual-serve.
 
 Each connection has a program of its own, which ends with it: the page closed or lost for `SILENT` seconds,
-the program is told to end, which ends a run as SPACE does. One that does not is killed; then its
+the program is asked to end, which ends a run as SPACE does. If it does not, it is killed; then its
 overrides and heartbeats end and the rover's applet (SWP_GCS) ends the run.
 """
 
@@ -56,7 +56,7 @@ class SessionProgram(AppService):
         self._argv = argv
 
     async def _open_app_process(self, width: int = 80, height: int = 24) -> Process:
-        """Without a shell between: the program watches its parent, and a kill reaches it."""
+        """Start it without a shell: the program watches its parent, and a kill reaches it."""
         environment = self._build_environment(width=width, height=height)
         process = await asyncio.create_subprocess_exec(
             *self._argv, stdin=PIPE, stdout=PIPE, stderr=PIPE, env=environment
@@ -65,7 +65,7 @@ class SessionProgram(AppService):
         return process
 
     async def end(self) -> None:
-        """Tell the program to end and wait; kill it if it does not. What it still draws is thrown away."""
+        """Tell the program to end and wait; kill it if it does not. Its output is dropped."""
         process, task = self._process, self._task
         if process is None:
             return
@@ -84,7 +84,7 @@ class SessionProgram(AppService):
 
 
 class SessionServer(Server):
-    """One page at a time; a second one, a page of another site and one without the session's key are refused.
+    """One page at a time; refuses a second page, one of another site, and one without the session's key.
 
     address: of the page, with the key; the page keeps the key in a cookie.
     """
@@ -138,7 +138,7 @@ class SessionServer(Server):
         return websocket
 
     async def on_startup(self, app: web.Application) -> None:
-        """Say where the page is."""
+        """Print the page's address."""
         print(f"the session is at {self.address} ; Ctrl-C here ends it", flush=True)
 
     async def on_shutdown(self, app: web.Application) -> None:

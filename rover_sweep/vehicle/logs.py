@@ -217,7 +217,7 @@ class FetchedFile:
 
 
 def chosen_logs(entries: tuple[LogEntry, ...], which: str) -> tuple[LogEntry, ...]:
-    """The requested logs: a number, 'latest' or 'all'. UsageError, which lists the logs, if there is none.
+    """The requested logs: a number, 'latest' or 'all'. UsageError with a list of the logs if none fits.
 
     The latest is the last one long enough for a drive: ArduPilot begins a new log after each download.
     """

@@ -53,7 +53,7 @@ class ParameterKept(LinkError):
 
 @dataclass(frozen=True)
 class ParameterSet:
-    """A parameter was set, and reads back so. old: before; reboot: the value takes effect after a reboot."""
+    """A parameter was set and read back. old: before; reboot: the value takes effect after a reboot."""
 
     name: str
     old: float | None

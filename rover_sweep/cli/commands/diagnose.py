@@ -98,7 +98,7 @@ def diagnose(
 
     RUN is a .BIN, a .tlog, a file of another system (.csv, .mcap, ...), log.BIN+log.tlog, or a session's
     folder. Runs at two amplitudes and two speeds separate most effects; `rover-sweep plan` shows which.
-    --simulation compares a simulation with the recordings too, and says what it has otherwise; --simulator
+    --simulation compares a simulation with the recordings too, and reports the differences; --simulator
     drives one like the RUNs for that. Ctrl-C reports the findings so far and exits with code 130.
     """
     from rover_sweep.api.diagnosis_input import candidates_left, material, nominal_of, time_limit_of

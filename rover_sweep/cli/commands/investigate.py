@@ -76,7 +76,7 @@ def investigate(
     out: str | None = option("Folder; that of an earlier call is continued.", FOLDER),
     as_json: bool = option("Print investigation.json on stdout.", flag="--json"),
 ) -> None:
-    """Drive the smallest first set, diagnose, choose the run that decides best what is open, and repeat.
+    """Drive the smallest first set, diagnose, choose the run that best decides the open effects, and repeat.
 
     It ends when the effect is settled, or when runs, ground or battery are used up. Each choice is shown with
     its reason. Before each run it waits for a y at the terminal; Ctrl-C stops the rover and keeps the runs.
@@ -182,7 +182,7 @@ def plan(
     reading: Reading = READING,
     as_json: bool = option("Print the plan as JSON on stdout.", flag="--json"),
 ) -> None:
-    """Show which effects a set of runs can separate, and propose the runs that tell most.
+    """Show which effects a set of runs can separate, and propose the most informative runs.
 
     \b
     rover-sweep plan --vehicle rover.toml --sweep 120@2.4 --sweep 240@2.4 --doublet 150@2.4

@@ -82,7 +82,7 @@ def _go_on(checks: Sequence[Check], url: str) -> None:
     if fixed:
         say_next(f"rover-sweep preflight --connect {url} --fix {fixed[0]}")
     elif bad:
-        say_next("mend what is marked bad", f"rover-sweep preflight --connect {url}")
+        say_next("fix the checks marked bad", f"rover-sweep preflight --connect {url}")
     else:
         say_next(f"rover-sweep run --connect {url} --vehicle rover.toml --out today")
 

@@ -30,7 +30,7 @@ def driving_of(
 def show_instead(
     runs: Sequence[str], reading: Reading, vehicle: Path, out: Path, as_json: bool, why: str
 ) -> bool:
-    """Show what the driving says where it says anything; False without. why: no models can be identified."""
+    """Show the answer of the driving, if it has one; else return False. why: no models can be identified."""
     answer = driving_of(runs, reading, None, vehicle)
     says = answer.level != "none" or bool(answer.each)
     if says:

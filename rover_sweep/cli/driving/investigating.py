@@ -96,7 +96,7 @@ def diagnosing(vehicle: Vehicle) -> Callable[[Material], Diagnosis]:
 
 
 def show_step(decision: Decision) -> None:
-    """What the runs so far say, and the step with its reason."""
+    """Show the findings so far and the step with its reason."""
     console, found = narration(), decision.diagnosis
     if found is not None:
         console.print(f"diagnosis: {found.verdict}: {found.sentence}", soft_wrap=True)
@@ -137,7 +137,7 @@ class OneByOne:
         return load_steered([str(self.folder)], self.rover[0], Reading())
 
     def drive(self, run: PlannedRun) -> bool:
-        """Ask, drive the run once and fetch its log; whether it came to its end.
+        """Ask, drive the run once and fetch its log. True if it was completed.
 
         KeyboardInterrupt for a no, and for Ctrl-C, after the rover was released.
         """
@@ -165,7 +165,7 @@ class OneByOne:
         return any(ended.completed for ended in shown.runs)
 
     def spent(self) -> str:
-        """The battery, where the last run reported less than `least`."""
+        """A sentence if the last run left the battery below `least`."""
         runs = read_folder(self.folder).runs
         left = battery_left(self.folder / runs[-1].tlog) if runs else None
         if left is None or left >= self.least:
@@ -174,7 +174,7 @@ class OneByOne:
 
 
 def question(name: str, run: PlannedRun, settings: RunSettings) -> str:
-    """What moves, and what the person has to do."""
+    """The question: what moves, what the person must do."""
     heading = "" if run.heading is None else f", starting towards {run.heading:.0f} deg from north"
     speed = f"{run.speed:g} m/s{heading}"
     does = [f"{name} arms the rover"] if settings.arm else []

@@ -187,7 +187,7 @@ def rover_fmu(rover: ExportedRover, target: Path) -> bytes:
 
 
 def _read(path: Path, source: str) -> ExportedRover:
-    """UsageError for numbers that are wrong one by one or together."""
+    """UsageError for numbers that are wrong alone or in combination."""
     try:
         parameters = load_variant(path.resolve())
         Plant(parameters)

@@ -148,7 +148,7 @@ def _plain_lines(what: str, clock: Callable[[], float]) -> Progress:
 
 
 def left_words(seconds: float, share: float) -> str:
-    """About how long the rest takes, from the time so far; "" too early to say."""
+    """The estimated remaining time; "" if it is too early for an estimate."""
     if not EARLY <= share < 1:
         return ""
     rest = seconds * (1 - share) / share

@@ -110,7 +110,7 @@ PLAIN = {
 
 
 def in_plain_letters(error: UnicodeError) -> tuple[str, int]:
-    """An error handler of `codecs`: what cannot be encoded, in ASCII; ? for what has no such form."""
+    """An error handler of `codecs`: replaces an unencodable character by its ASCII form, else by ?."""
     if not isinstance(error, UnicodeEncodeError):
         raise error
     return "".join(PLAIN.get(c, "?") for c in error.object[error.start : error.end]), error.end

@@ -218,7 +218,7 @@ class Feed:
 
 
 def question_before(row: Row, setup: Setup, state: State, checked: str = "") -> str:
-    """The question; "" if there is none, as the pilot does everything and the run is not kept already.
+    """The question; "" if the pilot does everything and the run is not already kept.
 
     checked: how long ago the checks were run, "" for just now.
     """
@@ -256,6 +256,6 @@ def is_kept(row: Row, runs: Sequence[RunRecord]) -> bool:
 
 
 def driven_for(row: Row, runs: Sequence[RunRecord]) -> list[RunRecord]:
-    """The runs of a row of the plan, oldest first; one that never began only where there is no other."""
+    """The runs of a row of the plan, oldest first; the latest alone if none began."""
     found = [run for run in runs if run.name == row.name and run.manoeuvre == row.manoeuvre]
     return [run for run in found if run.began or run.outcome in ("asked", "running")] or found[-1:]

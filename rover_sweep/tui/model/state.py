@@ -285,7 +285,7 @@ def _latest(state: State, name: str) -> int | None:
 
 
 def _changed(state: State, index: int | None, **values: Any) -> State:
-    """The state with other values in a record; as it is for no index."""
+    """The state with other values in a record; unchanged without an index."""
     runs = list(state.runs)
     if index is not None:
         runs[index] = replace(runs[index], **values)

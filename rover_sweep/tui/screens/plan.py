@@ -22,8 +22,8 @@ from rover_sweep.vehicle.preflight.read_rover import Check
 class PlanScreen(SessionScreen):
     """A, D, M, B add rows on the steering, H one on the throttle; E changes, G drives one; P proposes rows.
 
-    P does so by `rover-sweep plan`; T adds them.
-    N adds the run that decides best what a diagnosis of the complete runs leaves open.
+    P runs `rover-sweep plan`; T adds its rows.
+    N adds the run that best settles the open effects of a diagnosis of the runs.
     """
 
     view = "plan"

@@ -281,7 +281,7 @@ def draw_signals(rows: ScreenRows, state: State, setup: Setup, each: int) -> Non
 
 
 def _heading(rows: ScreenRows, state: State, place: int) -> None:
-    """What the columns show: value, place between the limits, and the time that the history spans."""
+    """Heading of the columns: value, place between the limits, and duration of the history."""
     columns = rows.width - 23 - place - 17
     past = state.history[-columns:] if columns > 0 else ()
     span = f"last {past[-1].t - past[0].t:.0f} s" if len(past) > 1 else ""

@@ -275,7 +275,7 @@ def why_kept(verdict: Verdict) -> str:
 
 
 def _table(verdict: Verdict | None) -> int:
-    """Rows of the table of a verdict, with its heading and what is around it."""
+    """Rows of the table of a verdict, with its heading and the text around it."""
     if verdict is None or not (verdict.bands or verdict.per_band):
         return 0
     return len(_spans(verdict)) + 2 + bool(why_kept(verdict))

@@ -80,7 +80,7 @@ class VehicleClock:
 
 @dataclass
 class Periodic:
-    """An action every `interval` s of the vehicle's clock or of ours, which of them is faster.
+    """An action every `interval` s of the vehicle's clock or of ours, whichever is faster.
 
     The vehicle's clock serves a rover that is simulated faster than real time. Ours keeps the heartbeat going
     while the vehicle sends no time.
@@ -336,7 +336,7 @@ class Connection:
             self._watch.waited(self.line.monotonic() - began, found=self.target != (0, 0))
 
     def _record(self, data: bytes) -> None:
-        """Record the bytes, then queue their messages; without those of other rovers."""
+        """Record the bytes, then queue their messages, except those of other rovers."""
         pieces = self._inbox.pieces(data)
         try:
             self._recorder.write(pieces)

@@ -90,8 +90,8 @@ class BadLink(LinkError):
 class LinkQuality:
     """Measured over the last `seconds` s, on `frames` whole frames of the vehicle.
 
-    All shares are 0..1. lost: of its frames that did not arrive whole; corrupted: that arrived damaged (part
-    of lost); duplicated: of the whole frames that had arrived before. answered: of the requests that the
+    All shares are 0..1. lost: frames that did not arrive whole; corrupted: frames that arrived damaged (part
+    of lost); duplicated: whole frames that had arrived before. answered: share of the requests that the
     vehicle can answer. latency: from a request to its answer [s], None while unknown. silence, unanswered:
     time since the last frame, and since the last answer to a request [s].
     """
@@ -253,7 +253,7 @@ class LinkMeter:
         self._asked.setdefault(what, []).append(now)
 
     def forget(self, what: Hashable) -> None:
-        """The vehicle could not answer these requests, so they say nothing of the link."""
+        """Do not count these requests: the vehicle could not answer them."""
         self._asked.pop(what, None)
 
     def answered(self, what: Hashable, now: float) -> None:

@@ -51,7 +51,7 @@ class Requests(Connection):
     """A connection with requests and answers. Times are s of our clock (`line`)."""
 
     def attempts(self, timeout: float | None, tries: int | None) -> Iterator[float]:
-        """The time to wait for each attempt [s], from the measured link; given values are used as they are.
+        """The time to wait for each attempt [s], from the measured link; given values are used unchanged.
 
         Before the first answer the link may be slow: the last wait is long enough for that.
         """
@@ -121,7 +121,7 @@ class Requests(Connection):
         self, name: str, timeout: float | None = None, tries: int | None = None
     ) -> Message | None:
         """Request one message by name and wait for it. None if it does not come, or if the vehicle says that
-        it does not have it. Repeated as `command` is."""
+        it does not have it. Repeated like `command`."""
         asked = constant("MAV_CMD_REQUEST_MESSAGE")
         for wait in self.attempts(timeout, tries):
             self._request(name)

@@ -191,7 +191,7 @@ class RecordedLine:
         self._line.sleep(seconds)
 
     def note(self, kind: ConversationKind, data: bytes = b"") -> None:
-        """Write an entry of now."""
+        """Write an entry stamped now."""
         self._writer.write(kind, round(self._line.monotonic() * 1e6), data)
 
     def close(self) -> None:

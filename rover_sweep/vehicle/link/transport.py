@@ -337,7 +337,7 @@ _BY_NAME = "/dev/serial/by-id"  # Linux: names that stay the same when a port is
 
 
 def serial_ports() -> dict[str, str]:
-    """{port: what is plugged in, "" if unknown}, USB first, on Linux by its lasting name."""
+    """{port: what is plugged in, "" if unknown}, USB first, on Linux by its stable name."""
     from serial.tools.list_ports import comports
 
     named = {os.path.realpath(path): str(path) for path in sorted(Path(_BY_NAME).glob("*"), reverse=True)}

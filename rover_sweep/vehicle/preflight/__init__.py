@@ -1,1 +1,1 @@
-"""What must be right before a run: one file for each group of checks."""
+"""The checks before a run: one file for each group."""

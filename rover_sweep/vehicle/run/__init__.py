@@ -1,1 +1,1 @@
-"""One run: the right to move, what is moved, what the applet reports, how it ended."""
+"""One run: the right to move, the controls, the applet's reports, the outcome."""
