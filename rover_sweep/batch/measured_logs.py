@@ -33,7 +33,7 @@ KINDS = (".bin", ".tlog")
 
 
 def log_sources(given: Sequence[str]) -> tuple[str, ...]:
-    """All logs, each once, in order of their names: files as given, and those of folders and URLs with `*`.
+    """All logs, each once, in order of their names: given files, and those in folders and URLs with `*`.
 
     In folders a .tlog beside the .BIN of the same name is left out, as both are of one drive. UsageError
     where a folder holds no log.

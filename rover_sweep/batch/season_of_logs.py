@@ -51,7 +51,7 @@ def diagnosed_days(
 ) -> Sentences:
     """Diagnose the logs of each day; reports in out/diagnoses/<page of the vehicle>/<day>.
 
-    The sentence of each day. Days that were diagnosed before are not diagnosed again.
+    Returns the sentence of each day. Days that were diagnosed before are not diagnosed again.
     """
     known = {log.source: log for log in logs}
     names = page_names(season)

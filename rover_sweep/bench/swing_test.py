@@ -93,7 +93,7 @@ class SwingTest:
 
 @dataclass(frozen=True)
 class Inertia:
-    """Result: moment [kg m^2]; shares: share of the variance due to each measurement, 0..1."""
+    """The result: moment [kg m^2]; shares: share of the variance due to each measurement, 0..1."""
 
     moment: Measured
     radius_of_gyration: float

@@ -130,7 +130,7 @@ def printable_lines(text: str) -> str:
 
 
 def same_length(text: str) -> str:
-    """As `printable_lines`, but each becomes one U+FFFD, so that positions (styles, columns) stay valid."""
+    """As `printable_lines`, but each becomes U+FFFD, so that positions (styles, columns) stay valid."""
     return _INSIDE_LINES.sub("\N{REPLACEMENT CHARACTER}", text)
 
 

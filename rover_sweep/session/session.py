@@ -145,7 +145,7 @@ def session_runs(folder: Path, filters: Mapping[str, float] | None = None) -> tu
 
 
 def _files(folder: Path, content: Content, run: DrivenRun) -> Sequence[str]:
-    """The files that may hold a run, the best first."""
+    """The files that may hold a run, best first."""
     logs = [log.file for log in content.logs if run.label in log.runs and (folder / log.file).is_file()]
     return (*logs, run.tlog)
 

@@ -1,1 +1,1 @@
-"""Terminal UI of a session: shows the messages of a `live.source.Source`, sends it the user's requests."""
+"""Terminal UI of a session: shows the messages of a `live.source.Source`, and sends requests to it."""

@@ -134,7 +134,7 @@ class SweepApp(SessionApp):
             signal.signal(number, leave)
 
     def _leave_now(self) -> None:
-        """Told to end: abort first, as closing the views takes seconds."""
+        """On a signal to end: abort first, as closing the views takes seconds."""
         self.source.abort()
         self.exit()
 

@@ -101,7 +101,7 @@ def show_step(decision: Decision) -> None:
     if found is not None:
         console.print(f"diagnosis: {found.verdict}: {found.sentence}", soft_wrap=True)
     if decision.told is not None:
-        console.print(f"the last run told {decision.told:.1f} bit")
+        console.print(f"the last run gave {decision.told:.1f} bit of information")
     step = decision.step
     console.print(f"{TITLES[step.action]}: {step.reason}", style="bold", soft_wrap=True)
 

@@ -143,7 +143,7 @@ class ExportedRover:
 
 
 def rover_at(place: Path) -> ExportedRover:
-    """Of a folder with a variant.toml (or its report/), a variant file, or a diagnosis.
+    """The rover of a folder with a variant.toml (or its report/), a variant file, or a diagnosis.
 
     UsageError if there is none or its numbers cannot be used.
     """
@@ -236,4 +236,4 @@ def serve_twin(place: Path, ardurover: Path | None, physics: bool, instance: int
         with contextlib.suppress(KeyboardInterrupt):
             while not (words := running.last_words()):
                 time.sleep(1.0)
-            raise LinkError(f"the simulated rover ended by itself: {words}")
+            raise LinkError(f"the simulated rover ended: {words}")
