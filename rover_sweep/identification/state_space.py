@@ -99,7 +99,7 @@ class ModelStructure:
     source: str = ""
 
     def __post_init__(self) -> None:
-        names = {p.name for p in self.parameters}  # not `values`, which would keep those before the ties
+        names = {p.name for p in self.parameters}  # not `values`, which are kept: ties may change them below
         missing = [n for n in self.delays if n not in names]
         if missing:
             raise ValueError(f"{self.name}: the delay {missing[0]!r} is not a parameter")
@@ -116,9 +116,13 @@ class ModelStructure:
         """The parameters that a fit changes, in the order of all (n_free,) arrays."""
         return tuple(p for p in self.parameters if p.free)
 
-    @cached_property
-    def values(self) -> Mapping[str, float]:
+    @property
+    def values(self) -> dict[str, float]:
         """All parameter values by name."""
+        return dict(self._values)
+
+    @cached_property
+    def _values(self) -> dict[str, float]:
         return {p.name: p.value for p in self.parameters}
 
     def with_values(self, values: Mapping[str, float]) -> ModelStructure:
@@ -179,7 +183,7 @@ class ModelStructure:
 
         Low-passes of sensors do not change it.
         """
-        source = input or self.inputs[0]
+        source, speed = input or self.inputs[0], float(speed)
         if not self.free:
             return np.empty((w.size, 0), dtype=complex)
         path = self._path(w, speed, output, source)

@@ -105,17 +105,20 @@ class SessionServer(Server):
         """The page, or the sentence that it is open already; under its one address."""
         if f"http://{request.host}" != self.public_url:
             raise web.HTTPFound(f"{self.public_url}{request.rel_url}")
-        self._check(request.query.get("key") or request.cookies.get(self._cookie))
+        self._check(request.query.get("key"), request.cookies.get(self._cookie))
         if self._program is not None:
             return web.Response(status=409, text=TAKEN)
         page = cast(web.Response, await super().handle_index(request))
         page.text = ELSEWHERE.sub("", page.text or "").replace("</body>", KEYS + "</body>")
         page.headers["Cache-Control"] = "no-store"  # left for another page, it is closed and not kept
+        page.headers["X-Frame-Options"] = "DENY"
         page.set_cookie(self._cookie, self._key, httponly=True, samesite="Strict")
         return page
 
-    def _check(self, key: str | None) -> None:
-        if not secrets.compare_digest((key or "").encode(), self._key.encode()):
+    def _check(self, *keys: str | None) -> None:
+        """HTTPForbidden if none of the keys is that of the session."""
+        given = [(key or "").encode(errors="replace") for key in keys]
+        if not any(secrets.compare_digest(key, self._key.encode()) for key in given):
             raise web.HTTPForbidden(text=NO_KEY)
 
     async def handle_websocket(self, request: web.Request) -> web.WebSocketResponse:

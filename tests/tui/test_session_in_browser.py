@@ -134,9 +134,10 @@ def test_without_the_key_nothing_opens(tmp_path: Path, unused_port: int) -> None
             for address in (server.public_url, f"{server.public_url}/?key=guessed"):
                 async with stranger.get(address) as page:
                     assert (page.status, await page.text()) == (403, session_server.NO_KEY)
-            with pytest.raises(WSServerHandshakeError) as without:
-                await stranger.ws_connect(f"{server.public_url}/ws")
-            assert without.value.status == 403
+            for headers in ({}, {"Cookie": f"{server._cookie}=\udcff"}):
+                with pytest.raises(WSServerHandshakeError) as without:
+                    await stranger.ws_connect(f"{server.public_url}/ws", headers=headers)
+                assert without.value.status == 403
         assert server._program is None
 
     with_server(OBEYS, tmp_path / "mark", unused_port, refused)
