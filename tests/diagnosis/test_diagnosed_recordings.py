@@ -78,7 +78,7 @@ def test_a_trim_and_a_rate_limit_are_named_beside_derivatives(tmp_path: Path) ->
     assert answer["baseline"] == "lumped"
     assert {f["effect"] for f in answer["findings"]} == {"steering_trim", "servo_rate_limit"}
     assert answer["held_out"][0]["share_removed"] > 0.7
-    assert {"tyre_slip", "roll_dof", "imu_tilt"} <= {u["effect"] for u in answer["cannot_see"]}
+    assert {"tyre_relaxation", "roll_steer", "imu_tilt"} <= {u["effect"] for u in answer["cannot_see"]}
 
 
 @pytest.mark.slow
