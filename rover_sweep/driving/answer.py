@@ -41,6 +41,7 @@ SWEEP, SWEEP_SPEED = Sweep(amplitude=120.0), 2.0  # advised; us, m/s
 NO_TYRES = "Tyre stiffnesses and yaw inertia, which need sweeps and a vehicle file with the mass"
 NO_TYRES_KNOWN = "Tyre stiffnesses, which need sweeps, or yaw_inertia and turns at speeds further apart"
 SCALING = {"r": "the yaw rate", "speed": "the speed"}  # channels with whose units the numbers scale
+OF_POSITIONS = "the yaw rate is the slope of positions, which makes quick turns smaller"
 DEG_PER_G = GRAVITY * 180 / pi
 
 
@@ -128,6 +129,8 @@ def _together(logs: Sequence[Log], wheelbase: float | None, rover: Geometry | No
         return _nothing(driving, *reasons, fit=fit)
     if unsure := sorted({channel for log in logs for channel in log.unsure} & set(SCALING)):
         level, reasons = "rough", (*reasons, _scaled_by(unsure))
+    if driving.course:
+        level, reasons = "rough", (*reasons, OF_POSITIONS)
     numbers, unknown = _numbers(fit, driving, speeds, wheelbase)
     tyres = tyre_stiffnesses(fit, rover, speeds[1]) if rover else ()
     numbers = ByName((*numbers, *tyres))

@@ -168,8 +168,8 @@ def _refuse_seldom(name: str, column: Column, t: Array, parts: Sequence[Array]) 
     apart = float(np.median(np.diff(changed))) if changed.size > 1 else 0.0
     if apart > SELDOM:
         raise DataRefused(
-            f"{name}: the positions of {column.source} come every {apart:.2g} s, too seldom for a speed in "
-            "turns (4 a second are enough); give a column of the speed"
+            f"{name}: the positions ({', '.join(column.names)}) come every {apart:.2g} s, too seldom for a "
+            "speed in turns (4 a second are enough); give a column of the speed"
         )
 
 
