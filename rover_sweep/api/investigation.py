@@ -154,7 +154,7 @@ class Bounds:
 class Decision:
     """A step with the diagnosis it follows from, None before the first.
 
-    given: the recordings by their roles; runs: their names. told [bit]: information from the last run, None
+    given: the recordings by their roles; runs: their names. told: information from the last run [bit], None
     if nothing was expected.
     """
 

@@ -237,7 +237,7 @@ class FittedSide:
 
 
 def of_the_rover(free: Sequence[Coordinate]) -> tuple[Coordinate, ...]:
-    """The coordinates without those of `OF_THE_DAY`."""
+    """`free` without errors of the recording (`OF_THE_DAY`)."""
     return tuple(c for c in free if c.name not in OF_THE_DAY)
 
 

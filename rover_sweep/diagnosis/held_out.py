@@ -58,7 +58,7 @@ def scaled_floor(run: Experiment, floor: Floor, whole: FittedModel) -> Floor:
 
 
 def compare_held_out(held: HeldOutRun, before: FittedModel, after: FittedModel) -> HeldOut:
-    """Both models on one held-out run; the mean square of a row is 1 if a model is right.
+    """Both models on one held-out run; the mean square residual is 1 if a model is right.
 
     share_removed is None if no residual is left to explain, or if the models hardly differ.
     """

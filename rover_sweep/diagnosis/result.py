@@ -111,7 +111,7 @@ class Finding(PlainNumbers, Shown):
         object.__setattr__(self, "parameters", ByName(self.parameters))
 
     def table(self) -> ShortTable:
-        """Parameters, finding and change of a turn."""
+        """Parameters, sentence and effect on a turn."""
         return self.parameters.table(self.effect, tuple(filter(None, (self.sentence, self.turn))))
 
 
@@ -160,7 +160,7 @@ class LawCurve(PlainNumbers):
 
 @dataclass(frozen=True)
 class LawHeldOut(PlainNumbers):
-    """A held-out run without and with the curves: mean square of a row, 1 at the noise floor.
+    """A held-out run without and with the curves: mean square residual, 1 at the noise floor.
 
     share_left: (after - 1)/(before - 1), None where `before` is at the floor.
     """

@@ -423,7 +423,7 @@ def with_laws_of(
 
 
 def in_model(model: AugmentedModel, found: FoundLaws) -> AugmentedModel:
-    """The model with the laws, and the coordinates that were fitted with them."""
+    """The model with the laws; its coordinates as refitted with them."""
     x = {name: value for name, value in found.fitted.x.items() if not name.startswith("law")}
     return replace(model, x=x, laws=tuple(one.at(found.fitted.x) for one in found.laws))
 

@@ -114,7 +114,7 @@ class SpeedLoop:
         return 1.0 / self.loop_hz
 
     def at_motor(self, throttle: Throttle) -> Throttle:
-        """Throttle at the motor, a share, for a positive throttle (or an array) of the controller."""
+        """Motor throttle for a positive controller throttle (or an array), both 0..1."""
         return self.least + (1.0 - self.least) * throttle
 
     def from_motor(self, throttle: float) -> float:

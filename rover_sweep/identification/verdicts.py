@@ -152,9 +152,9 @@ def reduce_model(
 ) -> tuple[FitResult, tuple[ReductionStep, ...]]:
     """Drops one parameter at a time, the worst first, while J_ave rises by no more than 5 % plus 1.
 
-    Worst: the largest insensitivity above 10 %, then the largest Cramer-Rao bound above 20 %. Delays stay,
-    and so does a parameter without which a response is zero or a stable model turns unstable: the responses
-    cannot separate a lag from an unstable pole with another delay, but the recorded rover was stable.
+    Worst: the largest insensitivity above 10 %, then the largest Cramer-Rao bound above 20 %. Never
+    dropped: delays, and a parameter whose loss zeroes a response or makes a stable model unstable. The
+    responses cannot separate a lag from an unstable pole with another delay; the recorded rover was stable.
     known: {parameter that may be dropped: value to fix it at}; None: all, at zero. keep: never dropped.
     """
     best, steps = start, []

@@ -32,9 +32,9 @@ TONES: dict[str, Tone] = {"good": "good", "rough": "warn", "none": "bad"}
 WORTH = 0.7  # a sweep is advised for numbers whose intervals it narrows below this share
 LAW = (
     "Law: r = V g w / (1 + k V² + q a²), then a delay and two lags, one of them growing with the "
-    "speed. w: steering from straight, with a term for each side and one for a steering curve; a: lateral "
-    "acceleration. Intervals are 90 %, with errors that are correlated in time and an error "
-    "of the speed of 0.015 m/s; an error of the speed's scale changes the curvature by as much."
+    "speed. g: curvature per unit of steering; w: steering from straight, corrected for the sides and the "
+    "steering curve; a: lateral acceleration. The 90 % intervals allow for errors that are correlated in "
+    "time and a speed error of 0.015 m/s. A wrong speed scale changes the curvature by the same percentage."
 )
 SHOWN = 6  # stretches drawn, the longest
 

@@ -47,6 +47,7 @@ FOUND = IdentifiedSpeed(
     0.05,
 )
 LOOP = speed_loop({"SCHED_LOOP_RATE": 100.0})
+PARAMETERS = ("CRUISE_SPEED", "CRUISE_THROTTLE", *(f"ATC_SPEED_{n}" for n in "PID"), "ATC_ACCEL_MAX")
 
 
 def loop_with(**parameters: float) -> SpeedLoop:
@@ -147,15 +148,7 @@ def test_long_delay_leaves_the_cruise_alone() -> None:
 def test_parameter_file_has_a_reason_on_every_line() -> None:
     text = speed_text(propose_speed(FOUND, LOOP))
     lines = [line for line in text.splitlines() if line and not line.startswith("#")]
-    assert [line.partition(",")[0] for line in lines] == [
-        "CRUISE_SPEED",
-        "CRUISE_THROTTLE",
-        "ATC_SPEED_P",
-        "ATC_SPEED_I",
-        "ATC_SPEED_D",
-        "ATC_ACCEL_MAX",
-        "MOT_THR_MIN",
-    ]
+    assert [line.partition(",")[0] for line in lines] == [*PARAMETERS, "MOT_THR_MIN"]
     assert all("  # " in line for line in lines)
     assert lines[-1].startswith("MOT_THR_MIN,6 ")
 
@@ -192,14 +185,7 @@ def test_gains_of_the_speed(report: Path, tmp_path: Path) -> None:
     assert code == 0, said
     assert "Speed loop for 1.54 to 3.01 m/s" in printed and "overshoot" in printed
     written = {p.name: p.value for p in parse(file.read_text())}
-    assert written.keys() == {
-        "CRUISE_SPEED",
-        "CRUISE_THROTTLE",
-        "ATC_SPEED_P",
-        "ATC_SPEED_I",
-        "ATC_SPEED_D",
-        "ATC_ACCEL_MAX",
-    }
+    assert written.keys() == set(PARAMETERS)
     assert 0.5 < written["ATC_SPEED_P"] < 2.0
 
 

@@ -225,7 +225,7 @@ def bullet(mark: str, text: str) -> str:
 
 
 def fact(name: str, text: str) -> str:
-    """`name` and `text` in two columns, wrapped likewise."""
+    """`name` and wrapped `text` in two columns."""
     return _hanging(f"  {name:<16}", text)
 
 
