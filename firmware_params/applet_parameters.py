@@ -6,6 +6,7 @@ switch; beyond them it refuses in words.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -82,8 +83,18 @@ PARAMETERS: tuple[AppletParameter, ...] = (
         0,
         0,
         65535,
-        "go number: the ground station writes a new one for each run that was asked for",
+        "go number: the ground station draws a new one for each run that was asked for",
     ),
+    AppletParameter(
+        "SWP_THR", "us", 0, 0, 2000, "throttle of a ground station that drives and is watched; 0: it does not"
+    ),
+    AppletParameter(
+        "SWP_LAPSE", "s", 0, 0, 3, "RC_OVERRIDE_TIME while a ground station overrides; 0: none does"
+    ),
+    AppletParameter(
+        "SWP_BACK", "s", 3, -1, 3600, "RC_OVERRIDE_TIME before and after that; set by the applet"
+    ),
+    AppletParameter("SWP_VER", "", 0, 0, 100, "version of the applet that runs; set by the applet"),
 )
 
 TYPES: Mapping[str, int] = MappingProxyType(
@@ -107,7 +118,7 @@ STATES: Mapping[int, str] = MappingProxyType(
 )
 """Field St of the log messages SWEP, SWET and value of SWP_ST; the applet steers or drives in 3 to 8."""
 
-_NOT_OF_A_MANOEUVRE = ("SWP_TYPE", "SWP_RUN", "SWP_GO")
+_NOT_OF_A_MANOEUVRE = ("SWP_TYPE", "SWP_RUN", "SWP_GO", "SWP_THR", "SWP_LAPSE", "SWP_BACK", "SWP_VER")
 _FIELDS = {
     "amplitude": "SWP_AMP",
     "w_min": "SWP_WMIN",
@@ -138,6 +149,20 @@ def for_manoeuvre(kind: str, **numbers: float) -> dict[str, float]:
             allowed = f"{parameter.low:g} to {parameter.high:g}"
             raise ValueError(f"{parameter.name} {value:g} {parameter.unit} is outside {allowed}")
     return values
+
+
+_VERSION = re.compile(r'^local VERSION = "(.*)"$', re.MULTILINE)
+
+
+def version_of(text: str) -> str:
+    """The version stated in an applet's text, '' if none."""
+    found = _VERSION.search(text)
+    return found[1] if found else ""
+
+
+def applet_version() -> float:
+    """Version of the shipped applet, as it reports it in SWP_VER."""
+    return float(version_of(applet_source()))
 
 
 def applet_path() -> Path:

@@ -22,6 +22,13 @@ ends, and the main loop gives steering back to the pilot. If this script dies, t
 itself after OVERRIDE_MS. After a stop the switch must go low first; so it must after boot, after arming
 and after a change of SWP_CHAN. A disarm and arm between two updates cannot be seen from Lua.
 
+A ground station that overrides RC channels writes SWP_LAPSE [s] first, and SWP_THR [us] if it drives. While
+SWP_LAPSE is not 0, RC_OVERRIDE_TIME has its value, but not in storage; what it was is kept in SWP_BACK and comes
+back. One that drives moves the steering channel by a us or two with each message. If that stays away until 0.25 s before
+SWP_LAPSE while armed, or the throttle channel is neither at SWP_THR nor at its trim, the station or its override
+is lost: the vehicle goes to HOLD (or disarms, if it cannot), before the throttle stick has the motor. The pilot
+takes it back with the mode switch. A run that the pilot drives is never put into HOLD.
+
 One SWP_GO is one run: after a run for which the ground wrote a new SWP_GO, after a lost GCS, a paused script,
 or a switch that may have fallen only because an override lapsed, no run begins until SWP_GO is written anew
 or the pilot throws the switch high and low while no ground station can override it.
@@ -31,7 +38,7 @@ single floats.
 "Source" below is ArduPilot at Rover-4.6.3, with Rover-4.5.7 compared.
 ]]
 
-local VERSION = "1.4"
+local VERSION = "1.5"
 local TABLE_KEY = 158 -- used by no script that ships with 4.5 or 4.6
 local PREFIX = "SWP_"
 
@@ -61,6 +68,10 @@ local PARAMETERS = {
     { "RUN", 0, 0, 65535 },
     { "BIAS", 0, -400, 400 }, -- new ones at the end: the place in this table is the parameter's key
     { "GO", 0, 0, 65535 },
+    { "THR", 0, 0, 2000 },
+    { "LAPSE", 0, 0, 3 },
+    { "BACK", 3, -1, 3600 },
+    { "VER", 0, 0, 100 },
 }
 
 local PERIOD_MS = 10 -- gives 85 Hz on 4.5.7 and 4.6.3; 72 ms was the longest gap on an idle machine, at loop 50
@@ -89,10 +100,10 @@ end
 -- The first call that is needed and not there, by name. A missing method reads as nil (source: generator).
 local function missing_call()
     local needed = {
-        { param, "param", "add_table", "add_param", "get", "set_and_save" },
-        { rc, "rc", "get_pwm", "get_aux_cached", "has_valid_input" },
-        { arming, "arming", "is_armed" },
-        { vehicle, "vehicle", "get_mode" },
+        { param, "param", "add_table", "add_param", "get", "set", "set_and_save" },
+        { rc, "rc", "get_pwm", "get_aux_cached", "has_valid_input", "get_channel", "find_channel_for_option" },
+        { arming, "arming", "is_armed", "disarm" },
+        { vehicle, "vehicle", "get_mode", "set_mode" },
         { SRV_Channels, "SRV_Channels", "find_channel", "set_output_pwm_chan_timeout" },
         { ahrs, "ahrs", "get_gyro", "get_velocity_NED" },
         { logger, "logger", "write" },
@@ -408,6 +419,125 @@ function go.ended(ended, seen, reason)
     end
 end
 
+---------------------------------------------------------------- a ground station that overrides
+
+local laptop = {
+    on = false, -- SWP_LAPSE was written and is in force
+    seen = nil, -- value of the steering channel [us], which moved at `moved`
+    moved = uint32_t(0),
+    meddled = nil, -- RC_OVERRIDE_TIME as somebody else set it meanwhile
+    OVERRIDE_TIME = "RC_OVERRIDE_TIME",
+    MARGIN_S = 0.25, -- HOLD comes so long before the override is over; an update may be 72 ms late
+    HOLD = 4, -- mode
+}
+
+-- The RC channel that a parameter names.
+function laptop.channel(name, usual)
+    local number = channel_number(param:get(name) or usual)
+    return number and number >= 1 and number or usual
+end
+
+-- Its overrides begin. What they lapse after is set in RAM only, so a reboot has the old value as well. resumed:
+-- this script starts while they are in force, so that SWP_BACK has the old value already.
+function laptop.enter(lapse, resumed)
+    local now = param:get(laptop.OVERRIDE_TIME) or 3.0
+    laptop.on, laptop.lapse, laptop.meddled, laptop.moved = true, lapse, nil, micros()
+    laptop.steering, laptop.throttle = laptop.channel("RCMAP_ROLL", 1), laptop.channel("RCMAP_THROTTLE", 3)
+    laptop.rest = param:get(string.format("RC%d_TRIM", laptop.throttle)) or 1500
+    if not resumed or now ~= lapse then
+        parameter.BACK:set_and_save(now)
+    end
+    param:set(laptop.OVERRIDE_TIME, lapse)
+    laptop.missed = param:get("RC_FS_TIMEOUT") -- since 4.7; before it is 0.5 s
+    if laptop.missed and laptop.missed > 0.5 then
+        param:set("RC_FS_TIMEOUT", 0.5)
+    end
+    gcs:send_named_float("SWP_THR", parameter.THR:get())
+end
+
+-- They are over, for whatever reason: none of them holds any longer, whatever RC_OVERRIDE_TIME is then.
+function laptop.leave()
+    local switch = channel_number(parameter.CHAN:get()) or 0
+    local channels = { rc:get_channel(laptop.throttle), rc:get_channel(laptop.steering) }
+    channels[3] = switch > 0 and rc:get_channel(switch) or rc:find_channel_for_option(AUX_FUNCTION)
+    for _, channel in ipairs(channels) do
+        channel:set_override(0)
+    end
+    param:set(laptop.OVERRIDE_TIME, parameter.BACK:get())
+    if laptop.missed then
+        param:set("RC_FS_TIMEOUT", laptop.missed)
+    end
+    parameter.LAPSE:set_and_save(0)
+    parameter.THR:set_and_save(0)
+    laptop.on = false
+    gcs:send_named_float("SWP_THR", 0)
+end
+
+-- Whoever sets RC_OVERRIDE_TIME meanwhile gets it afterwards; until then it would outlast the ground station.
+function laptop.hold_lapse()
+    local now = param:get(laptop.OVERRIDE_TIME)
+    if now and math.abs(now - laptop.lapse) > 0.001 then
+        laptop.meddled = now
+        parameter.BACK:set_and_save(now)
+        param:set(laptop.OVERRIDE_TIME, laptop.lapse)
+    end
+end
+
+-- Why the ground station or its override is lost, or nil. One that drives shows itself on the steering channel,
+-- so another station with its id, or RC_OVERRIDE_TIME, cannot stand in for it.
+function laptop.lost(seen)
+    if parameter.THR:get() == 0 then
+        return seen.gcs_age_ms and seen.gcs_age_ms > 1000.0 * laptop.lapse and "silent" or nil
+    end
+    local steering, throttle = rc:get_pwm(laptop.steering), rc:get_pwm(laptop.throttle)
+    if steering ~= laptop.seen then
+        laptop.seen, laptop.moved = steering, micros()
+    elseif not (seconds_since(laptop.moved) <= laptop.lapse - laptop.MARGIN_S) then
+        return "silent"
+    end
+    if seen.armed and throttle ~= laptop.rest and throttle ~= parameter.THR:get() then
+        return string.format("thr %d us", throttle or 0)
+    end
+    return nil
+end
+
+-- HOLD stops the motor and centres the steering whatever the sticks say, and the log goes on; the pilot can drive
+-- the rover home. It needs no position (source: mode_hold.cpp) and comes at once, in 4.5.7, 4.6.3 and 4.8-dev.
+function laptop.stop_vehicle(reason)
+    vehicle:set_mode(laptop.HOLD)
+    local held = vehicle:get_mode() == laptop.HOLD
+    if not held then
+        arming:disarm()
+    end
+    say(CRITICAL, "laptop lost (%s): %s", reason, held and "HOLD" or "disarmed")
+    if held then
+        say(CRITICAL, "the mode switch gives you the rover")
+    end
+end
+
+-- Looks after all this; the reason, when the vehicle was stopped because the laptop is lost.
+function laptop.watch(seen)
+    local lapse = parameter.LAPSE:get()
+    if lapse > 0 and not laptop.on then
+        laptop.enter(math.min(lapse, 3.0))
+    elseif laptop.on and not (lapse > 0) then
+        laptop.leave()
+    end
+    if not laptop.on then
+        return nil
+    end
+    laptop.hold_lapse()
+    local reason = laptop.lost(seen)
+    local stops = reason and seen.armed and parameter.THR:get() > 0
+    if stops then
+        laptop.stop_vehicle(reason)
+    end
+    if reason then
+        laptop.leave()
+    end
+    return stops and "laptop lost: " .. reason or nil
+end
+
 ---------------------------------------------------------------- refusing and stopping
 
 local function read_parameters()
@@ -552,6 +682,7 @@ local function reason_to_stop(v, seen)
     if not seen.rc_valid then return "RC lost" end
     if v.GCS > 0 and not (seen.gcs_age_ms <= GCS_LOST_MS) then return "GCS lost" end
     if not (parameter.ENABLE:get() >= 1) then return string.format("SWP_ENABLE is %g", parameter.ENABLE:get()) end
+    if laptop.on and laptop.meddled then return string.format("%s set to %g", laptop.OVERRIDE_TIME, laptop.meddled) end
     if SRV_Channels:find_channel(v.servo) ~= v.channel then return string.format("SERVO%d %s no more", v.channel + 1, v.axis.lost) end
     return nil
 end
@@ -578,6 +709,12 @@ local function report(rate)
     gcs:send_named_float("SWP_ST", state)
     gcs:send_named_float("SWP_W", rate)
     gcs:send_named_float("SWP_RUN", run and run.number or parameter.RUN:get())
+    if run then
+        gcs:send_named_float("SWP_GO", run.GO) -- whose run it is
+    end
+    if laptop.on then
+        gcs:send_named_float("SWP_THR", parameter.THR:get()) -- who is watched
+    end
     if whole and (state == IDLE or state == STOPPED) then
         gcs:send_named_float("SWP_DONE", whole)
     end
@@ -835,6 +972,10 @@ local function update()
     local seen = look(source)
     watch_switch(source, seen.armed)
     go.watch(seen)
+    local lost = laptop.watch(seen)
+    if lost and state > IDLE and state < STILL_AFTER then
+        stop(seen, lost)
+    end
     if state == IDLE then
         idle(seen)
         if overriding() then
@@ -870,15 +1011,19 @@ local function add_parameters()
         parameter[p[1]] = Parameter(PREFIX .. p[1])
     end
     go.used = parameter.GO:get()
+    parameter.VER:set(tonumber(VERSION))
+    if parameter.LAPSE:get() > 0 then
+        laptop.enter(math.min(parameter.LAPSE:get(), 3.0), true)
+    end
     return nil
 end
 
-local missing = missing_call()
-if missing then
-    say(CRITICAL, "no %s", missing)
+local trouble = missing_call()
+if trouble then
+    say(CRITICAL, "no %s", trouble)
     return
 end
-local trouble = add_parameters()
+trouble = add_parameters()
 if trouble then
     say(CRITICAL, "refused: %s", trouble)
     return

@@ -35,10 +35,10 @@ from rover_sweep.vehicle.link.link import Link
 from rover_sweep.vehicle.link.streams import IDENTIFICATION_RATES, Stream, request_all, stop
 from rover_sweep.vehicle.link.transport import Line
 from rover_sweep.vehicle.logs import LogEntry, MavlinkLogs
-from rover_sweep.vehicle.parameters import LAPSE, SHORT, read_parameter, read_present
+from rover_sweep.vehicle.parameters import read_parameter, read_present
 from rover_sweep.vehicle.run.controls import ARM, AUX, FORCE, SCRIPTING_1, RunSettings, pump
 from rover_sweep.vehicle.run.one_run import one_run
-from rover_sweep.vehicle.setup import install
+from rover_sweep.vehicle.setup import install, refuse_other_applet
 
 # A rover that a run left armed: whether this session did it, and stopping and disarming it afterwards.
 
@@ -77,11 +77,7 @@ def disarm_left_armed(link: Link, content: Content) -> Iterator[Event]:
     if link.armed and not link.clock.known:
         link.request_message("SYSTEM_TIME")  # its clock shows how old the last run is
     if link.armed and armed_by_last_run(content, link.clock.now):
-        let_go = list(stop_and_disarm(link, disarm=True))
-        if read_present(link, [LAPSE]).get(LAPSE) == SHORT[LAPSE]:
-            words = f"{LAPSE} is {SHORT[LAPSE]:g} s, perhaps from the interrupted run; the default is 3 s"
-            yield Notice("warning", words)
-        yield from let_go
+        yield from stop_and_disarm(link, disarm=True)
 
 
 # The battery at the end of a recorded run.
@@ -292,8 +288,11 @@ def _drive(
 
 def refuse_impossible(link: Link, runs: Sequence[SessionRun], settings: RunSettings) -> None:
     """UsageError, before anything moves, for runs that the applet would refuse, or that are too fast for this
-    rover's loop rate. LinkError if the applet does not run."""
+    rover's loop rate. LinkError if the applet does not run, or another one runs and this program is to drive
+    or to throw the switch."""
     present = check_applet(link)
+    if settings.arm or settings.trigger != "pilot":
+        refuse_other_applet(link, present)
     limit = settings.extra.get("pwm_max", present["SWP_PWM_MAX"])
     for planned in runs:
         if planned.manoeuvre.peak > limit:

@@ -9,18 +9,24 @@ from __future__ import annotations
 
 import dataclasses
 import json
-import re
+import math
 import tempfile
-from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from firmware_params.applet_parameters import PARAMETERS, applet_path, applet_source
+from firmware_params.applet_parameters import (
+    PARAMETERS,
+    applet_path,
+    applet_source,
+    applet_version,
+    version_of,
+)
 from firmware_params.param_files import Difference, WantedParameter, compare
 from rover_sweep.errors import LinkError
 from rover_sweep.files.documents import read_json
 from rover_sweep.vehicle.events import Event, Notice, Rebooting
-from rover_sweep.vehicle.identity import VehicleIdentity, identify_vehicle
+from rover_sweep.vehicle.identity import AppletUnready, VehicleIdentity, identify_vehicle
 from rover_sweep.vehicle.link.link import Link, Refused, crc32, remote_crc32
 from rover_sweep.vehicle.link.mavlink import ftp_get, ftp_put
 from rover_sweep.vehicle.link.recorded_transport import writing
@@ -32,7 +38,6 @@ from rover_sweep.vehicle.parameters import ParameterKept, read_present, write_pa
 
 
 HARDWARE, SITL = "/APM/scripts", "scripts"  # folder of scripts on a flight controller, in SITL
-VERSION = re.compile(r'^local VERSION = "(.*)"$', re.MULTILINE)  # in the applet's text
 _RESTART = 3.0  # SCRIPTING_CMD_STOP_AND_RESTART
 
 
@@ -43,12 +48,6 @@ class AppletFile:
     path: str
     version: str
     text: str
-
-
-def version_of(text: str) -> str:
-    """The version stated in an applet's text, '' if none."""
-    found = VERSION.search(text)
-    return found[1] if found else ""
 
 
 def read_applet(link: Link, name: str, ours: str = "") -> AppletFile | None:
@@ -66,6 +65,31 @@ def read_applet(link: Link, name: str, ours: str = "") -> AppletFile | None:
                 text = local.read_text(encoding="utf-8", errors="replace")
                 return AppletFile(f"{place}/{name}", version_of(text), text)
     return None
+
+
+def _is_ours(present: Mapping[str, float]) -> bool:
+    return math.isclose(present.get("SWP_VER", 0.0), applet_version(), rel_tol=1e-5)
+
+
+def refuse_other_applet(link: Link, present: Mapping[str, float]) -> None:
+    """AppletUnready unless this program's applet runs on the rover: its version, and the file's checksum.
+
+    present: the applet's parameters.
+    """
+    if not _is_ours(present):
+        version = f"{present['SWP_VER']:.7g}" if present.get("SWP_VER") else "of before 1.5"
+        raise AppletUnready(f"the rover runs applet {version}, this program needs {applet_version():g}")
+    wanted = crc32(applet_source().encode())
+    name = applet_path().name
+    found = [crc for place in (HARDWARE, SITL) if (crc := remote_crc32(link, f"{place}/{name}")) is not None]
+    if not found:
+        raise AppletUnready(
+            f"the checksum of {name} on the rover cannot be read (MAVLink FTP), so it is not "
+            "known which applet would steer",
+            "`rover-sweep firmware install` copies it; or use a link that carries MAVLink FTP",
+        )
+    if wanted not in found:
+        raise AppletUnready(f"{name} on the rover is not this program's (another checksum)")
 
 
 def upload(link: Link, applet: Path, progress: Callable[[float], None] | None = None) -> str:
@@ -96,11 +120,11 @@ def reboot(link: Link) -> None:
 
 
 def await_applet(link: Link, seconds: float = 15.0) -> bool:
-    """Whether the applet's parameters appear within `seconds` s of the vehicle's clock: scripts start some
-    time after boot."""
+    """Whether this program's version of the applet reports itself within `seconds` s of the vehicle's clock:
+    scripts start some time after boot."""
     start = link.clock.now
-    while "SWP_ENABLE" not in read_present(link, ["SWP_ENABLE"]):
-        link.forget(("PARAM_VALUE", "SWP_ENABLE"))  # it does not exist yet
+    while not _is_ours(read_present(link, ["SWP_VER"])):
+        link.forget(("PARAM_VALUE", "SWP_VER"))  # it does not exist yet
         link.request_message("SYSTEM_TIME")  # its clock, as no streams may be on
         if link.clock.now - start > seconds:
             return False

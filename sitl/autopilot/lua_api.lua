@@ -205,8 +205,24 @@ local rc, arming, vehicle, servos, ahrs, gcs = {}, {}, {}, {}, {}, {}
 method(rc, "get_pwm", { rc_channel }, autopilot.rc_pwm)
 method(rc, "get_aux_cached", { aux_function }, autopilot.aux_position)
 method(rc, "has_valid_input", {}, autopilot.rc_valid)
+
+local channel_meta = { __index = {} }
+function channel_meta.__index:set_override(pwm)
+    autopilot.override_rc(self.number, within(0, 2200)(pwm, 2))
+end
+
+local function channel_object(number)
+    return number and setmetatable({ number = number }, channel_meta)
+end
+method(rc, "get_channel", { rc_channel }, channel_object)
+method(rc, "find_channel_for_option", { aux_function }, function(option)
+    return channel_object(autopilot.rc_with_option(option))
+end)
+
 method(arming, "is_armed", {}, autopilot.armed)
+method(arming, "disarm", {}, autopilot.disarm)
 method(vehicle, "get_mode", {}, autopilot.mode)
+method(vehicle, "set_mode", { uint8 }, autopilot.set_mode)
 
 method(servos, "find_channel", { servo_function }, autopilot.servo_channel)
 method(servos, "set_output_pwm_chan_timeout", { servo_channel, uint16, uint16 }, autopilot.override_servo)

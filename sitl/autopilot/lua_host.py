@@ -41,13 +41,25 @@ class Autopilot(Protocol):
     def aux_position(self, function: int) -> int | None:
         """Cached position of an auxiliary function: 0 low, 1 middle, 2 high; None if it was never set."""
 
+    def override_rc(self, channel: int, pwm: int) -> None:
+        """Override RC channel 1..16 as a ground station does [us]; 0 gives it back to the radio at once."""
+
+    def rc_with_option(self, option: int) -> int | None:
+        """First RC channel (1..16) with RCn_OPTION == option; None without one."""
+
     def rc_valid(self) -> bool:
         """False in the RC (throttle) failsafe; Rover's rc:has_valid_input."""
 
     def armed(self) -> bool: ...
 
+    def disarm(self) -> bool:
+        """Disarm, without the checks of a transmitter's disarming; False where it is refused."""
+
     def mode(self) -> int:
         """Custom mode number, 0 is MANUAL."""
+
+    def set_mode(self, mode: int) -> bool:
+        """Change the mode (ModeReason::SCRIPTING); False where the vehicle refuses."""
 
     def servo_channel(self, function: int) -> int | None:
         """First servo output with SERVOn_FUNCTION == function, 0-based; None without one."""

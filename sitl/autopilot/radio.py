@@ -49,6 +49,7 @@ class Radio:
         self.pwm = [0] * CHANNELS
         self.last_valid_ms = 0
         self.seen = False
+        self.transmitter = list(TRANSMITTER)  # where its sticks and switches are
         self._receiver = [*TRANSMITTER, *([0] * (CHANNELS - CHANNEL_COUNT))]
         self._overrides: list[tuple[int, int]] = [(0, 0)] * CHANNELS
         self._new_override = False
@@ -60,8 +61,12 @@ class Radio:
         for n, value in enumerate(values[:CHANNELS]):
             if value == LEAVE or (n >= 8 and value == 0):
                 continue
-            self._overrides[n] = (0 if n >= 8 and value == GIVE_BACK else value, now_ms)
-            self._new_override = True
+            self.set_override(n + 1, 0 if n >= 8 and value == GIVE_BACK else value, now_ms)
+
+    def set_override(self, channel: int, us: int, now_ms: int) -> None:
+        """Override channel 1..16, or give it back with 0 (RC_Channel::set_override)."""
+        self._overrides[channel - 1] = (us, now_ms)
+        self._new_override = True
 
     def clear_overrides(self) -> None:
         self._overrides = [(0, 0)] * CHANNELS
@@ -82,7 +87,7 @@ class Radio:
                 return
         else:
             neutral = [1500, 1500, 950, *([1500] * 5)]
-            self._receiver[:CHANNEL_COUNT] = neutral if fail == THROTTLE_LOST else TRANSMITTER
+            self._receiver[:CHANNEL_COUNT] = neutral if fail == THROTTLE_LOST else self.transmitter
         self._new_override = False
         self.seen = True
         self.last_valid_ms = now_ms

@@ -14,6 +14,7 @@ from sitl.autopilot.vehicle_parameters import ParameterStore
 from sitl.plant.sensors import Sensors
 
 Vector = tuple[float, float, float]
+SCRIPTING = 32  # ModeReason (AP_Vehicle/ModeReason.h, 4.6.3)
 
 
 class ScriptedRover(Protocol):
@@ -30,6 +31,16 @@ class ScriptedRover(Protocol):
     mode: int
     now_us: int
     gcs_seen_ms: int
+
+    def disarm(self) -> None:
+        """Disarms."""
+
+    def set_mode(self, mode: int, reason: int) -> bool:
+        """Changes the mode."""
+
+    @property
+    def now_ms(self) -> int:
+        """Vehicle time [ms]."""
 
     @property
     def origin_set(self) -> bool:
@@ -68,14 +79,28 @@ class ScriptAutopilot:
     def aux_position(self, function: int) -> int | None:
         return self._rover.aux.get(function)
 
+    def override_rc(self, channel: int, pwm: int) -> None:
+        self._rover.radio.set_override(channel, pwm, self._rover.now_ms)
+
+    def rc_with_option(self, option: int) -> int | None:
+        parameters = self._rover.parameters
+        return next((n for n in range(1, 17) if parameters[f"RC{n}_OPTION"] == option), None)
+
     def rc_valid(self) -> bool:
         return not self._rover.failsafe_bits & 1 and self._rover.radio.seen
 
     def armed(self) -> bool:
         return self._rover.armed
 
+    def disarm(self) -> bool:
+        self._rover.disarm()
+        return True
+
     def mode(self) -> int:
         return self._rover.mode
+
+    def set_mode(self, mode: int) -> bool:
+        return self._rover.set_mode(mode, SCRIPTING)
 
     def servo_channel(self, function: int) -> int | None:
         return self._rover.servos.channel_of(function)

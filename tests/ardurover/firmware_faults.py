@@ -34,7 +34,7 @@ LIMITS: Mapping[str, float] = {"gcs": 1.0, "v_min": 1.0, "v_max": 5.0, "still": 
 THROTTLE = 1710  # us, 2.5 m/s
 SWEEPING, INTO = 6, 1.0  # SWP_ST; s
 BACK = 10.0  # s with the link as it was, after the run
-MAY_BE_LATE, OVERRIDE_HOLDS = 1.0, 1.0  # s, as in tests/virtual
+MAY_BE_LATE, OVERRIDE_HOLDS = 1.0, 1.25  # s, as in tests/virtual
 WINDS_DOWN = 0.55  # s from 1710 us to trim: 52 % at MOT_SLEWRATE's 100 %/s, and a message in flight
 
 

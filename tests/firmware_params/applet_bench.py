@@ -15,6 +15,7 @@ from sitl.autopilot.lua_host import LuaHost, Vector
 LOW, MIDDLE, HIGH = 0, 1, 2
 STEERING_CHANNEL, TRIM = 0, 1500
 VEHICLE = {"SERVO1_TRIM": TRIM, "SERVO1_MIN": 1100, "SERVO1_MAX": 1900, "RCMAP_ROLL": 1, "RC1_TRIM": 1500}
+VEHICLE |= {"RCMAP_THROTTLE": 3, "RC3_TRIM": 1500, "RC_OVERRIDE_TIME": 3.0}
 KINDS: dict[str, dict[str, float]] = {
     "sweep": {"type": 0},
     "doublet": {"type": 1, "pulse": 2, "count": 5},
@@ -37,6 +38,7 @@ class Bench:
     is_armed: bool = True
     arming_answers: list[bool] = field(default_factory=list)
     current_mode: int = 0
+    changes_mode: bool = True  # False: the vehicle refuses
     roll: float = 0.0
     rates: Vector = (0.0, 0.0, 0.0)
     velocity: Vector | None = (0.0, 0.0, 0.0)
@@ -46,6 +48,7 @@ class Bench:
     steering_channel: int | None = STEERING_CHANNEL
     override: tuple[int, int] = (0, 0)
     overrides: list[tuple[int, int, int, bool]] = field(default_factory=list)
+    given_back: list[int] = field(default_factory=list)  # RC channels whose override the applet ended
     texts: list[str] = field(default_factory=list)
     floats: list[tuple[int, str, float]] = field(default_factory=list)
     log: list[dict[str, float]] = field(default_factory=list)
@@ -67,6 +70,13 @@ class Bench:
     def rc_pwm(self, channel: int) -> int | None:
         return self.rc.get(channel, 0)
 
+    def override_rc(self, channel: int, pwm: int) -> None:
+        assert pwm == 0, "the applet overrides no RC channel"
+        self.given_back.append(channel)
+
+    def rc_with_option(self, option: int) -> int | None:
+        return 6 if option == 300 else None
+
     def aux_position(self, function: int) -> int | None:
         return self.switch if function == 300 else None
 
@@ -76,8 +86,16 @@ class Bench:
     def armed(self) -> bool:
         return self.arming_answers.pop(0) if self.arming_answers else self.is_armed
 
+    def disarm(self) -> bool:
+        self.is_armed = False
+        return True
+
     def mode(self) -> int:
         return self.current_mode
+
+    def set_mode(self, mode: int) -> bool:
+        self.current_mode = mode if self.changes_mode else self.current_mode
+        return self.changes_mode
 
     def servo_channel(self, function: int) -> int | None:
         return self.steering_channel if function == 26 else None

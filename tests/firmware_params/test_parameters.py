@@ -11,13 +11,14 @@ from applet_bench import Bench, Drive
 from lupa.lua53 import LuaRuntime
 
 from firmware_params import applet_parameters, param_files
-from firmware_params.applet_parameters import PARAMETERS, STATES, applet_source, for_manoeuvre
+from firmware_params.applet_parameters import PARAMETERS, STATES, applet_source, applet_version, for_manoeuvre
 
 
 def test_names_and_defaults_are_those_that_the_applet_adds() -> None:
     bench = Bench(parameters={})
     Drive(bench)
-    assert bench.parameters == {p.name: float(np.float32(p.default)) for p in PARAMETERS}
+    version = {"SWP_VER": float(np.float32(applet_version()))}
+    assert bench.parameters == {p.name: float(np.float32(p.default)) for p in PARAMETERS} | version
     assert all(len(p.name) <= 16 for p in PARAMETERS)
 
 

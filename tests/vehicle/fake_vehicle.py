@@ -14,7 +14,7 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as m
 
-from firmware_params.applet_parameters import PARAMETERS
+from firmware_params.applet_parameters import PARAMETERS, applet_version
 
 SWITCH, THROTTLE, STEERING = 6, 3, 1
 _HURRIED = 5  # times longer holds an override on a clock that runs ahead of the one who sends it
@@ -24,7 +24,7 @@ _COURSE = (1, 2, 3, 4, 5, 6, 7, 8, 9, 0)  # states that a run goes through, 1 s 
 def default_parameters() -> dict[str, float]:
     values = {p.name: float(p.default) for p in PARAMETERS}
     values |= {"SCR_ENABLE": 1.0, "SCHED_LOOP_RATE": 100.0, "RC6_OPTION": 300.0, "RC_OVERRIDE_TIME": 3.0}
-    values |= {"FS_THR_ENABLE": 1.0}
+    values |= {"FS_THR_ENABLE": 1.0, "RC1_DZ": 30.0, "RC3_DZ": 30.0, "SWP_VER": applet_version()}
     values |= {f"RC{n}_OPTION": 0.0 for n in range(1, 17) if n != SWITCH}
     for n in range(1, 5):
         values |= {f"SERVO{n}_FUNCTION": 0.0, f"SERVO{n}_TRIM": 1500.0, f"SERVO{n}_REVERSED": 0.0}
@@ -44,6 +44,7 @@ class FakeVehicle:
     parameters: dict[str, float] = field(default_factory=default_parameters)
     fixed: frozenset[str] = frozenset()  # parameters that ignore PARAM_SET
     drop: Callable[[Any], bool] = lambda message: False  # replies that are lost
+    sticks: dict[int, int] = field(default_factory=dict)  # of the radio, where they are not at rest [us]
     log: bytes = b""
     refuse_arming: str = ""
     stop_text: str = ""  # the applet stops in state 6 with this reason
@@ -77,7 +78,7 @@ class FakeVehicle:
     def rc(self, channel: int) -> int:
         """What the vehicle acts on: the override while it lasts, else a radio at rest (switch low)."""
         value, since = self._rc.get(channel, (0, -9.0))
-        rest = 1000 if channel == SWITCH else 1500
+        rest = self.sticks.get(channel, 1000 if channel == SWITCH else 1500)
         lapse = _HURRIED * self.parameters["RC_OVERRIDE_TIME"]
         return value if value and self.now - since < lapse else rest
 
@@ -202,7 +203,15 @@ class FakeVehicle:
         if message.param_id in self.parameters:
             if message.param_id not in self.fixed:
                 self.parameters[message.param_id] = message.param_value
+            if message.param_id == "SWP_LAPSE":
+                self._watch(message.param_value)
             self._send_parameter(message.param_id)
+
+    def _watch(self, lapse: float) -> None:
+        """As the applet: the override time of a run, and afterwards that of before."""
+        if lapse:
+            self.parameters["SWP_BACK"] = self.parameters["RC_OVERRIDE_TIME"]
+        self.parameters["RC_OVERRIDE_TIME"] = lapse or self.parameters["SWP_BACK"]
 
     def _on_param_request_list(self, _: Any) -> None:
         for name in self.parameters:
@@ -246,6 +255,9 @@ class FakeVehicle:
                     0, packed, 0, 0, 0, list(b"3fc7011a"), [0] * 8, [0] * 8, 0, 0, 42
                 )
             )
+        elif number == m.MAVLINK_MSG_ID_RC_CHANNELS:
+            pwm = [self.rc(n) for n in range(1, 9)] + [0] * 10
+            self._send(m.MAVLink_rc_channels_message(int(self.now * 1000), 8, *pwm, 255))
         elif number == m.MAVLINK_MSG_ID_SYSTEM_TIME:
             self._send(m.MAVLink_system_time_message(0, int(self.now * 1000)))
 

@@ -16,6 +16,7 @@ from rover_sweep.vehicle.run.right_to_move import MovementLimits, RightToMove
 LIMITS = MovementLimits(drives=True, ours={1: 1500, 3: 1500, 6: 1100}, manoeuvre=30.0, still=1.0, v_max=3.0)
 WAITING, SWEEP = 2, 6
 RC = 65536
+GO = 4711
 
 
 class Run:
@@ -27,10 +28,12 @@ class Run:
         self.state, self.number, self.speed = 0, 7, 0.0
         self.mode, self.armed, self.health, self.rssi = 0, True, RC, 200
         self.pwm = dict.fromkeys(range(1, 17), 1500)
+        self.whose, self.watch, self.lapse = GO, 1710, 1.0
         self.clock = VehicleClock()
         self.right = RightToMove(self, self.clock, limits)  # type: ignore[arg-type]
         self.go(0.5)
-        self.right.thrown(before=7)
+        self.right.watched(1.0, 3.0)
+        self.right.thrown(before=7, go=GO)
         self.number, self.state, self.speed = 8, SWEEP, 2.0
         self.go(0.5)
 
@@ -63,6 +66,9 @@ class Run:
             m.MAVLink_heartbeat_message(10, 3, base, self.mode, 4, 3),
             SimpleNamespace(msgname="NAMED_VALUE_FLOAT", name="SWP_ST", value=float(self.state)),
             SimpleNamespace(msgname="NAMED_VALUE_FLOAT", name="SWP_RUN", value=float(self.number)),
+            SimpleNamespace(msgname="NAMED_VALUE_FLOAT", name="SWP_GO", value=float(self.whose)),
+            SimpleNamespace(msgname="NAMED_VALUE_FLOAT", name="SWP_THR", value=float(self.watch)),
+            SimpleNamespace(msgname="PARAM_VALUE", param_id="RC_OVERRIDE_TIME", param_value=self.lapse),
             m.MAVLink_local_position_ned_message(ms, 0, 0, 0, self.speed, 0, 0),
             m.MAVLink_sys_status_message(RC, RC, self.health, 0, 0, -1, 0, 0, 0, 0, 0, 0, 0),
             m.MAVLink_rc_channels_message(ms, 16, *channels, 0, 0, self.rssi),
@@ -138,6 +144,9 @@ CASES: tuple[tuple[str, Callable[[Run], None], str], ...] = (
     ("no_hole", hole_unnoticed, "s of the rover's messages are missing"),
     ("reported", quiet(1.2, "NAMED_VALUE_FLOAT"), "the applet has not reported its state for"),
     ("same_run", setting(number=9), "the applet started run 9 after run 8, without a request"),
+    ("own_run", setting(whose=12), "belongs to another ground station (SWP_GO 12, this program drew 4711)"),
+    ("watched", setting(watch=0), "the applet lost this program's overrides"),
+    ("override_time", setting(lapse=30.0), "another ground station set RC_OVERRIDE_TIME to 30 s in the run"),
     ("slow_enough", setting(speed=3.1), "speed 3.10 m/s is above SWP_V_MAX 3"),
     ("speed_known", quiet(1.2, "LOCAL_POSITION_NED"), "speed is unknown"),
     ("in_time", setting(15.5, state=WAITING, speed=0.2), "15 s of throttle did not bring"),

@@ -1,7 +1,8 @@
 """The controls of the ground station: RC override, arming, mode; and how they are released.
 
-An override is sent in bursts. RC_OVERRIDE_TIME (3 s; 1 s while we drive) after the last one it lapses: then
-the radio is in charge again, or without a radio the RC failsafe.
+An override is sent in bursts. While we drive, each one moves the steering channel by a us or two, within the
+dead zone. That shows the applet that this program is alive; without it, it goes to HOLD before the override
+lapses. RC_OVERRIDE_TIME (3 s; 1.5 s in a run) after the last one the radio is in charge again.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ LOW, HIGH = 1100, 1900  # us; aux switches read below 1200 as low and above 1800
 MANUAL = 0  # custom_mode of Rover
 SCRIPTING_1 = 300  # RCn_OPTION and auxiliary function of the applet's switch
 _BURST, _GAP = 0.24, 0.55  # s
+_ALIVE = (-1, 0, 1, 2)  # us, in turn: a lost message or two still leave a change
 _IGNORE, _RELEASE, _RELEASE_HIGH = 0xFFFF, 0, 0xFFFE  # channels 9.. take 65534 for "back to the radio"
 FORCE = 21196.0  # param2 of MAV_CMD_COMPONENT_ARM_DISARM: disarm even while it moves
 AUX, ARM = "MAV_CMD_DO_AUX_FUNCTION", "MAV_CMD_COMPONENT_ARM_DISARM"
@@ -97,6 +99,7 @@ class Controls:
         self._override: dict[int, int] = {}
         self._periodic: list[Periodic] = []
         self._armed_by_us = self._thrown = self._switch_is_ours = False
+        self._alive = cycle(_ALIVE)
 
     def take(self) -> None:
         """Begin to override: the switch low and, if we drive, steering and throttle at trim."""
@@ -256,6 +259,8 @@ class Controls:
 
     def _send_override(self) -> None:
         fields = {f"chan{n}_raw": self._override.get(n, _IGNORE) for n in range(1, 17)}
+        if self._drive and self._override.get(self.channels.steering) == self.channels.steering_trim:
+            fields[f"chan{self.channels.steering}_raw"] += next(self._alive)
         self._link.to_vehicle("RC_CHANNELS_OVERRIDE", **fields, chan17_raw=0, chan18_raw=0)
 
 

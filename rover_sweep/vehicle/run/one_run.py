@@ -7,15 +7,17 @@ Ctrl-C also stops the applet. While this program moves the rover, `RightToMove` 
 link whether it still may; once it may not, the run is over.
 
 Stop paths on the vehicle, which need no laptop: the pilot throws the switch low, disarms or changes the mode;
-RC_OVERRIDE_TIME after our last override (1 s if we drive) the radio has the switch again and the applet
-stops; the applet stops on RC loss, GCS loss (SWP_GCS) and on its own limits; its servo override has a
+if we drive, the applet puts the rover into HOLD 1.25 s after our last override, before it lapses
+(`takeover`); the applet stops on RC loss, GCS loss (SWP_GCS) and on its own limits; its servo override has a
 timeout, so that even after a script error the pilot steers again within a fraction of a second. The applet
-starts only one run for each new value of SWP_GO, which is written before each run.
+starts only one run for each new value of SWP_GO, which is drawn before each run and tells whose run it is.
 """
 
 from __future__ import annotations
 
 import math
+import random
+import re
 from collections.abc import Generator, Iterator, Mapping
 from pathlib import Path
 
@@ -26,15 +28,7 @@ from rover_sweep.vehicle.events import Armed, Event, Notice, RunFinished, RunSta
 from rover_sweep.vehicle.link.inbox import BadLink
 from rover_sweep.vehicle.link.link import Link, Refused
 from rover_sweep.vehicle.link.streams import StreamMonitor
-from rover_sweep.vehicle.parameters import (
-    RADIO_MISSED,
-    RADIO_MISSED_SINCE,
-    SHORT,
-    Lapse,
-    read_parameter,
-    read_present,
-    write_parameter,
-)
+from rover_sweep.vehicle.parameters import read_parameter, read_present, write_parameter
 from rover_sweep.vehicle.run.controls import (
     MANUAL,
     SCRIPTING_1,
@@ -47,6 +41,7 @@ from rover_sweep.vehicle.run.controls import (
 )
 from rover_sweep.vehicle.run.follow import Follower, ParameterWatch, RebootWatch
 from rover_sweep.vehicle.run.right_to_move import MovementLimits, RightToMove
+from rover_sweep.vehicle.run.takeover import OVERRIDE_TIME, Takeover
 
 # Conditions before the rover is armed and its switch thrown, and the number that allows one run.
 
@@ -120,9 +115,12 @@ def _not_at_rest(follower: Follower, settings: RunSettings) -> str:
     return ""
 
 
-def write_go(link: Link) -> None:
-    """Allow the applet one run, by a new value of SWP_GO."""
-    write_parameter(link, "SWP_GO", float(int(read_parameter(link, "SWP_GO")) % _NUMBERS + 1))
+def write_go(link: Link) -> int:
+    """Allow the applet one run, by a new value of SWP_GO, drawn so that no other program has the same."""
+    before = int(read_parameter(link, "SWP_GO"))
+    number = (before + random.SystemRandom().randrange(1, _NUMBERS) - 1) % _NUMBERS + 1
+    write_parameter(link, "SWP_GO", float(number))
+    return number
 
 
 # How a run ended: by the applet's report if it was heard, else by the reason why we stopped.
@@ -132,6 +130,7 @@ _OUTCOME_REPORTS = 3.0  # s: an idle applet reports its last completed run once 
 _LOST = 1.5  # s without a message
 _OF_OUR_SWITCH = "switch low"
 _NOT_RECEIVED = "the rover did not receive our override of the switch, which fell low"
+_LAPTOP_LOST = re.compile(r"laptop lost: (?:silent|thr (\d+) us)")
 
 
 def hear_outcome(
@@ -145,9 +144,21 @@ def hear_outcome(
         raise cut_off(right, name, failures)
     _wait(link, follower)
     completed, reason = follower.outcome
+    if lost := _LAPTOP_LOST.fullmatch(reason):
+        return False, right.contested or _held(lost[1])
     if completed or (follower.outcome_heard and reason != _OF_OUR_SWITCH):
         return completed, reason
     return False, right.lost or (_NOT_RECEIVED if holds_switch else reason)
+
+
+def _held(throttle: str | None) -> str:
+    """Why the applet took the rover from us. throttle: that the channel had instead of ours [us]."""
+    if throttle is None:
+        return "the rover did not receive this program's overrides any longer, and went into HOLD"
+    return (
+        f"the throttle channel was at {throttle} us, which this program did not send, so the rover went into "
+        "HOLD: another ground station overrides it, or the override ended"
+    )
 
 
 def cut_off(right: RightToMove, name: str, failures: list[str]) -> LinkError:
@@ -173,7 +184,7 @@ _START_LIMIT = 10.0  # s of the vehicle's clock from our switch to the applet's 
 _ARMING_LIMIT = 60.0  # s for which we try to arm: a consent does not last for ever
 _LOOK, _ASKED = 0.1, 0.3  # s
 _BEFORE_ARMING = 1.0  # s: the radio inputs must show our override before the arming checks
-_SET_IN_A_RUN = (*SHORT, "SWP_GO", "SWP_RUN")  # by this program and by the applet
+_SET_IN_A_RUN = (OVERRIDE_TIME, "SWP_GO", "SWP_RUN")  # by this program and by the applet
 _JUDGED = frozenset({"SERVO_OUTPUT_RAW", "ATTITUDE", "RAW_IMU"})
 # Read at the start of each run, so that its .tlog explains itself (filters, steering output, limits).
 _SELF_DESCRIBING = (
@@ -204,8 +215,7 @@ def one_run(
     began = link.line.monotonic(), link.clock.now
     asked_for = parameters_of(manoeuvre, **settings.extra)
     yield from _upload(link, asked_for)
-    newer = (RADIO_MISSED,) if link.version >= RADIO_MISSED_SINCE else ()
-    present = read_present(link, (*_SELF_DESCRIBING, *newer))
+    present = read_present(link, _SELF_DESCRIBING)
     refuse_blind(present, settings)
     channels = find_channels(link)
     follower, monitor = Follower(_steering_output(present)), StreamMonitor(_JUDGED)
@@ -215,7 +225,7 @@ def one_run(
     yield RunStarted(name, manoeuvre, tlog)
     drives = settings.throttle_us is not None
     ours = overridden(channels, settings.trigger, drives)
-    lapse = Lapse(link, present, began if ours else None)
+    takeover = Takeover(link, channels, settings.throttle_us, present, began if ours else None)
     limit = manoeuvre.duration + 2 * present.get("SWP_STILL", 0.0) + settings.patience + _START_LIMIT
     with link.listening(lambda message: follower.message(message, link.clock.now), follower.text):
         if link.line.monotonic() - asked > _ASKED:  # the user was asked, perhaps for minutes
@@ -225,17 +235,17 @@ def one_run(
         with link.listening(right.message):
             try:
                 yield from await_rest(link, follower, settings)
-                lapse.shorten()
-                start = yield from _start(link, controls, follower, settings, right)
+                takeover.check_sticks()
+                start = yield from _start(link, controls, follower, settings, right, takeover)
                 with link.listening(monitor), link.listening(watch.message):
                     yield from _follow(link, controls, follower, settings, limit, right)
             except BaseException as error:
                 unstopped, failed = _stop_applet(error, link, settings), controls.let_go()
-                for failure in [*unstopped, *lapse.put_back(right.heard), *failed]:
+                for failure in [*unstopped, *takeover.end(right.heard), *failed]:
                     error.add_note(failure)
                 raise
             failures = controls.let_go()
-            failures = [*lapse.put_back(right.heard), *failures]
+            failures = [*takeover.end(right.heard), *failures]
             holds_switch = settings.trigger == "override"
             outcome = hear_outcome(link, follower, right, name, failures, holds_switch)
         yield from follower.take()
@@ -282,23 +292,30 @@ def _upload(link: Link, values: Mapping[str, float]) -> Iterator[Event]:
 
 
 def _start(
-    link: Link, controls: Controls, follower: Follower, settings: RunSettings, right: RightToMove
+    link: Link,
+    controls: Controls,
+    follower: Follower,
+    settings: RunSettings,
+    right: RightToMove,
+    takeover: Takeover,
 ) -> Generator[Event, None, float]:
     """Arm, throw the switch and wait for the applet; returns the time of the switch [s, vehicle's clock]."""
     controls.take()
+    right.watched(*takeover.declare())
     yield from _arm(link, controls, follower, settings)
     yield from follower.take()
     yield Armed(link.clock.now)
     if link.mode != MANUAL:
         yield Notice("warning", f"the rover is not in MANUAL (mode {link.mode}); the applet will not start")
     yield from follower.take()
-    write_go(link)
+    takeover.confirm()
+    go = write_go(link)
     follower.begin()
     start = link.clock.now
     pilot = settings.trigger == "pilot"
     if pilot:
         yield SwitchWanted("high", controls.channels.switch)
-    right.thrown(follower.number)
+    right.thrown(follower.number, go)
     controls.throw()
     patience = settings.patience if pilot else _START_LIMIT
     while not follower.active:

@@ -30,6 +30,7 @@ _RSSI_UNKNOWN = 255
 _JUMP, _JUMPED = 150, 2  # us between two RC_CHANNELS; channels
 _SHOWS = 5.0  # s after which RC_CHANNELS shows what was sent, over the slowest link
 _DISPUTED, _TWICE = 3.0, 2  # s; messages within it
+_OURS = 2  # us by which the steering channel moves with our messages (`controls`)
 _MANUAL = 0
 _STANDING, _WAIT, _FIRST, _LAST, _AFTER = 1, 2, 3, 8, 9  # SWP_ST
 
@@ -66,7 +67,11 @@ class Instant:
 
 @dataclass(frozen=True)
 class Situation:
-    """The input of the rules. Times in s, speed in m/s; `run` and `begun` 0: unknown; NaN: never heard."""
+    """The input of the rules. Times in s, speed in m/s; `run` and `begun` 0: unknown; NaN: never heard.
+
+    go: the number that we drew for the run; whose: SWP_GO of the run that the applet drives, 0: unknown.
+    watched: the applet watches our overrides; meddled: RC_OVERRIDE_TIME as another set it [s].
+    """
 
     limits: MovementLimits
     thrown: bool
@@ -84,6 +89,10 @@ class Situation:
     mode: int
     no_transmitter: str
     contested: str = ""
+    go: int = 0
+    whose: int = 0
+    watched: bool = True
+    meddled: float = math.nan
 
     @property
     def under_way(self) -> bool:
@@ -119,6 +128,25 @@ def reported(s: Situation) -> str:
 def same_run(s: Situation) -> str:
     other = s.begun and s.run != s.begun
     return f"the applet started run {s.run} after run {s.begun}, without a request" if other else ""
+
+
+def own_run(s: Situation) -> str:
+    other = s.go and s.whose and s.whose != s.go
+    return (
+        f"the run belongs to another ground station (SWP_GO {s.whose}, this program drew {s.go}): two drive "
+        "this rover"
+        if other
+        else ""
+    )
+
+
+def watched(s: Situation) -> str:
+    return "" if s.watched else "the applet lost this program's overrides"
+
+
+def override_time(s: Situation) -> str:
+    other = s.under_way and not math.isnan(s.meddled)
+    return f"another ground station set RC_OVERRIDE_TIME to {s.meddled:g} s in the run" if other else ""
 
 
 def slow_enough(s: Situation) -> str:
@@ -177,6 +205,9 @@ RULES: tuple[Rule, ...] = (
     no_hole,
     reported,
     same_run,
+    own_run,
+    watched,
+    override_time,
     slow_enough,
     speed_known,
     in_time,
@@ -207,6 +238,9 @@ class RightToMove:
         self._state = self._run = self._begun = 0
         self._speed, self._armed, self._mode = math.nan, False, _MANUAL
         self._rssi, self._channels, self._no_transmitter = 0, dict[int, int](), ""
+        self._go = self._whose = 0
+        self._watch, self._meddled = True, math.nan
+        self._lapses: tuple[float, ...] = ()
         self._sent: list[tuple[float, Mapping[int, int]]] = []
         self._foreign: list[tuple[float, int, int]] = []
 
@@ -214,8 +248,13 @@ class RightToMove:
         """From now on this program overrides these RC channels {number: us}."""
         self._sent.append((self._clock.now, dict(override)))
 
-    def thrown(self, before: int) -> None:
-        """The switch goes high now. before: SWP_RUN until now; the new run has another number."""
+    def watched(self, *lapses: float) -> None:
+        """From now on the applet watches. lapses: values that RC_OVERRIDE_TIME may have [s]."""
+        self._watch, self._lapses = True, lapses
+
+    def thrown(self, before: int, go: int) -> None:
+        """The switch goes high now. before: SWP_RUN until now, which the new run raises; go: its SWP_GO."""
+        self._go, self._whose = go, 0
         self._hole, self._thrown, self._before, self._begun = 0.0, True, before, 0
         self._last, self._entered, self._state = self._now(), self._now(), 0
         self._armed = True  # until the next heartbeat
@@ -254,6 +293,8 @@ class RightToMove:
             case "HEARTBEAT":
                 self._armed = bool(message.base_mode & SAFETY_ARMED)
                 self._mode = int(message.custom_mode)
+            case "PARAM_VALUE":
+                self._parameter(str(message.param_id), float(message.param_value))
             case "SYS_STATUS":
                 self._receiver(message)
             case "RC_CHANNELS":
@@ -266,11 +307,20 @@ class RightToMove:
             self._run = value
             if self._thrown and not self._begun and value != self._before:
                 self._begun = value
+        elif name == "SWP_GO":
+            if self._begun and self._run == self._begun:
+                self._whose = value
+        elif name == "SWP_THR":
+            self._watch = value != 0 or not self._limits.drives
         elif name == "SWP_ST":
             self._reported = now
             if value != self._state:
                 driving = _FIRST <= value <= _LAST and _FIRST <= self._state <= _LAST
                 self._state, self._entered = value, self._entered if driving else now
+
+    def _parameter(self, name: str, value: float) -> None:
+        if name == "RC_OVERRIDE_TIME" and self._lapses and value not in self._lapses:
+            self._meddled = value
 
     def _overrides_of_others(self, message: Message, now: float) -> None:
         """Two values of channels that this program never sent, while one of ours is in force.
@@ -285,7 +335,11 @@ class RightToMove:
         recent = [sent for _, sent in self._sent[max(settled - 1, 0) :]]
         seen = {n: int(getattr(message, f"chan{n}_raw")) for n in latest}
         self._foreign = [one for one in self._foreign if one[0] > now - _DISPUTED]
-        self._foreign += [(now, n, us) for n, us in seen.items() if all(us != sent.get(n) for sent in recent)]
+        self._foreign += [
+            (now, n, us)
+            for n, us in seen.items()
+            if all(abs(us - sent.get(n, -_OURS)) > _OURS for sent in recent)
+        ]
         in_force = [n for n, us in seen.items() if us == latest[n] != self._limits.ours.get(n)]
         if in_force and len({t for t, *_ in self._foreign}) >= _TWICE:
             _, n, us = self._foreign[-1]
@@ -343,6 +397,10 @@ class RightToMove:
             mode=self._mode,
             no_transmitter=self._no_transmitter,
             contested=self.contested,
+            go=self._go,
+            whose=self._whose,
+            watched=self._watch,
+            meddled=self._meddled,
         )
 
     def _now(self) -> Instant:
