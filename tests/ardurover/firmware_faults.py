@@ -34,6 +34,7 @@ LIMITS: Mapping[str, float] = {"gcs": 1.0, "v_min": 1.0, "v_max": 5.0, "still": 
 THROTTLE = 1710  # us, 2.5 m/s
 SWEEPING, INTO = 6, 1.0  # SWP_ST; s
 BACK = 10.0  # s with the link as it was, after the run
+FARTHEST, HOLD, ASLEEP = 12.0, 4, 15.0  # m after a laptop is lost; mode; s
 MAY_BE_LATE, OVERRIDE_HOLDS = 1.0, 1.25  # s, as in tests/virtual
 WINDS_DOWN = 0.55  # s from 1710 us to trim: 52 % at MOT_SLEWRATE's 100 %/s, and a message in flight
 
@@ -49,7 +50,9 @@ class Rig:
 class Scenario:
     """fault: begins INTO s of the sweep, where there is one. lifts: s later it ends by itself. lapses:
     nothing that is sent arrives. drives: s of throttle that the run itself may take, without a fault. told: a
-    regular expression for what the program says of the run."""
+    regular expression for what the program says of the run. killed, asleep: the program, in a process of its
+    own, is killed, or stands still for ASLEEP s. lost: the rover must be in HOLD or disarmed in the end,
+    within FARTHEST m."""
 
     name: str
     fault: Callable[[Rig], None] | None
@@ -57,6 +60,8 @@ class Scenario:
     lifts: float | None = None
     lapses: bool = False
     killed: bool = False
+    asleep: bool = False
+    lost: bool = False
     drives: float = 0.0
     throttle: int = THROTTLE
     limits: Mapping[str, float] = field(default_factory=dict)
@@ -74,6 +79,7 @@ class Outcome:
     said: str
     armed: bool
     killed: bool
+    mode: int = 0
 
     @property
     def wound_down(self) -> float:
@@ -91,6 +97,7 @@ class Outcome:
             f"{self.seen.metres_after(self.since):.1f} m",
             f"{late:.2f} s",
             f"{len(self.seen.begun)}",
+            f"mode {self.mode}",
             self.said.splitlines()[-1] if self.said else "killed",
             "yes" if self.armed else "no",
         )
@@ -131,10 +138,11 @@ def played(rig: Rig, scenario: Scenario, folder: Path) -> Outcome:
 
     if scenario.fault is not None:
         rig.observer.at(SWEEPING, INTO, fault)
-    drive = _killed if scenario.killed else _driven
+    drive = _apart if scenario.killed or scenario.asleep else _driven
     finished, said, armed = drive(rig, scenario, folder, began)
     since = began[0] if began else next((row.t for row in rig.observer.seen.rows if row.driving), 0.0)
-    return Outcome(rig.observer.seen, rig.relay.sent, since, finished, said, armed, scenario.killed)
+    apart = scenario.killed or scenario.asleep
+    return Outcome(rig.observer.seen, rig.relay.sent, since, finished, said, armed, apart, rig.observer.mode)
 
 
 def _driven(
@@ -162,11 +170,19 @@ def _driven(
     return finished, "\n".join((*told, *errors)), armed
 
 
-def _killed(rig: Rig, scenario: Scenario, folder: Path, began: list[float]) -> tuple[None, str, bool]:
-    """In a process of its own, which the fault kills."""
-    program = subprocess.Popen([sys.executable, __file__, rig.relay.url, str(folder)])
+def _apart(rig: Rig, scenario: Scenario, folder: Path, began: list[float]) -> tuple[None, str, bool]:
+    """In a process of its own, which the fault kills, or stops for a while."""
+    program = subprocess.Popen(
+        [sys.executable, __file__, rig.relay.url, str(folder)], stderr=subprocess.PIPE, text=True
+    )
     try:
         assert rig.observer.wait(90.0, lambda: bool(began)), "no sweep began"
+        if scenario.asleep:
+            program.send_signal(signal.SIGSTOP)
+            rig.observer.wait(ASLEEP)
+            program.send_signal(signal.SIGCONT)
+            _, said = program.communicate(timeout=60.0)
+            return None, said.strip().rpartition("\n")[2], rig.observer.armed
         program.send_signal(signal.SIGKILL)
     finally:
         program.kill()
@@ -180,9 +196,10 @@ def rest(rig: Rig) -> None:
     observer = rig.observer
     rig.relay.set("open")
     observer.command("MAV_CMD_COMPONENT_ARM_DISARM", 0.0, 21196.0)
-    for name, value in {"SIM_RC_FAIL": 0.0, "RC_OVERRIDE_TIME": 3.0}.items():
+    for name, value in {"SIM_RC_FAIL": 0.0, "RC_OVERRIDE_TIME": 3.0, "SWP_LAPSE": 0.0}.items():
         observer.set(name, value)
     observer.wait(0.5)
+    rig.radio.hold(1, 1500)
     rig.radio.hold(3, 1500)  # the channels keep the values of SIM_RC_FAIL 2 until a transmitter is heard
     if observer.seen.said("SWP:") and observer.state not in (0, 10):
         observer.command("MAV_CMD_SCRIPTING", 3.0)
@@ -193,7 +210,15 @@ def rest(rig: Rig) -> None:
 
 def broken(outcome: Outcome, scenario: Scenario) -> list[str]:
     """A sentence for each promise that was not kept."""
-    return [*_asked(outcome), *_stopped(outcome, scenario), *_reported(outcome)]
+    found = [*_asked(outcome), *_stopped(outcome, scenario), *_reported(outcome)]
+    return [*found, *(_held(outcome) if scenario.lost else ())]
+
+
+def _held(outcome: Outcome) -> Iterator[str]:
+    if (metres := outcome.seen.metres_after(outcome.since)) > FARTHEST:
+        yield f"it moved {metres:.1f} m after the laptop was lost"
+    if outcome.armed and outcome.mode != HOLD:
+        yield f"it is armed in mode {outcome.mode}"
 
 
 def _asked(outcome: Outcome) -> Iterator[str]:

@@ -62,8 +62,8 @@ class Seen:
 
 
 class Observer:
-    """state, run: of the applet (run -1: not told yet); armed, speed [m/s]: of the rover. Use as a context
-    manager."""
+    """state, run: of the applet (run -1: not told yet); armed, mode, speed [m/s]: of the rover. Use as a
+    context manager."""
 
     def __init__(self, connection: str) -> None:
         _, host, port = connection.split(":")
@@ -72,7 +72,7 @@ class Observer:
         self._ends, self._due = False, list[tuple[float, Callable[[], None]]]()
         self._thread = threading.Thread(target=self._serve, daemon=True)
         self.state, self.run = 0, -1
-        self.armed, self.speed, self._x, self._y = False, 0.0, 0.0, 0.0
+        self.armed, self.mode, self.speed, self._x, self._y = False, 0, 0.0, 0.0, 0.0
         self.begin()
 
     def begin(self) -> None:
@@ -138,7 +138,7 @@ class Observer:
         now = time.monotonic()
         match kind(message):
             case "HEARTBEAT" if is_autopilot(message):
-                self.armed = bool(message.base_mode & _ARMED)
+                self.armed, self.mode = bool(message.base_mode & _ARMED), int(message.custom_mode)
             case "NAMED_VALUE_FLOAT":
                 self._named(message.name, int(message.value))
             case "LOCAL_POSITION_NED":

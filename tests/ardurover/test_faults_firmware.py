@@ -1,7 +1,7 @@
 """The worst that can happen to link, laptop and radio in the middle of a run, on the official firmware.
 
-In real time, eight minutes in all. It prints a table: s with throttle off trim after the fault, of that
-after the tool let go, metres, how late throttle was still sent, runs begun, what the tool says last, armed.
+In real time, 15 minutes in all. It prints a table: s with throttle off trim after the fault, of that after
+the tool let go, metres, how late throttle was still sent, runs begun, mode, what the tool says last, armed.
 """
 
 from __future__ import annotations
@@ -37,13 +37,42 @@ def nothing(rig: Rig) -> None:
     """The program is killed."""
 
 
+def stick(us: int, then: Callable[[Rig], None] = nothing) -> Callable[[Rig], None]:
+    """The pilot's throttle stick beneath our override."""
+
+    def fault(rig: Rig) -> None:
+        rig.radio.hold(3, us)
+        then(rig)
+
+    return fault
+
+
+def override_time(seconds: float) -> Callable[[Rig], None]:
+    return lambda rig: rig.observer.set("RC_OVERRIDE_TIME", seconds)
+
+
+def _lost() -> Iterator[Scenario]:
+    """The laptop is lost, and the throttle stick was moved meanwhile, or somebody set the override time."""
+    for us in (1000, 1800):
+        at = f"throttle stick at {us} us"
+        yield Scenario(f"program killed, {at}", stick(us), "", lapses=True, killed=True, lost=True)
+        yield Scenario(f"program asleep, {at}", stick(us), "", lapses=True, asleep=True, lost=True)
+        yield Scenario(f"hole for good, {at}", stick(us, link("hole")), SILENT, lapses=True, lost=True)
+        gone = stick(us, link("hole", "up"))
+        yield Scenario(f"uplink gone for good, {at}", gone, "HOLD|left MANUAL", lapses=True, lost=True)
+    for seconds in (30.0, -1.0):
+        at = f"RC_OVERRIDE_TIME set to {seconds:g}"
+        fault = override_time(seconds)
+        yield Scenario(f"program killed, {at}", fault, "", lapses=True, killed=True, lost=True)
+
+
 SCENARIOS = (
     Scenario("no fault", None, WHOLE, drives=18.0),
     Scenario("hole 3.6 s", link("hole"), SILENT, lifts=3.6, lapses=True),
     Scenario("hole 4.5 s", link("hole"), SILENT, lifts=4.5, lapses=True),
     Scenario("hole 7 s", link("hole"), SILENT, lifts=7.0, lapses=True),
     Scenario("downlink gone for good", link("hole", "down"), SILENT),
-    Scenario("uplink gone 3.6 s", link("hole", "up"), "did not receive", lifts=3.6, lapses=True),
+    Scenario("uplink gone 3.6 s", link("hole", "up"), "HOLD", lifts=3.6, lapses=True),
     Scenario("stall 3.6 s", link("stall"), SILENT, lifts=3.6, lapses=True),
     Scenario("scripts end", scripts_end, "the applet has not reported its state"),
     Scenario("SIM_RC_FAIL 1", receiver(1.0), "RC lost|receiver is not healthy", drives=UNSEEN),
@@ -53,6 +82,7 @@ SCENARIOS = (
     ),
     Scenario("too slow for the band", None, "15 s of throttle did not", drives=15.0, throttle=1560),
     Scenario("program killed", nothing, "", lapses=True, killed=True),
+    *_lost(),
 )
 
 

@@ -22,7 +22,7 @@ from sitl.autopilot.rover import HOLD, MANUAL
 THROTTLE, STEERING, MODE = 2, 0, 7  # RC channels, 0-based
 STICKS = (1000, 1200, 1800, 1900)  # us
 FARTHEST = 12.0  # m
-UNNOTICED = 0.02  # s, in which the laptop cannot yet end the run
+UNNOTICED = 0.0  # s, so that the laptop does not end the run before
 MODE_MANUAL, MODE_HOLD = 1800, 1000  # us: MODE6 and MODE1 of the embedded rover
 
 
