@@ -299,18 +299,20 @@ class SurveyedParameter:
 class AppletState:
     """file: on the rover, None if it cannot be read. lacking: SWP_ parameters that the rover does not have.
 
-    enabled: SWP_ENABLE is 1. current: the file is identical to this program's.
+    enabled: SWP_ENABLE is 1. current: the file is identical to this program's. running: version that runs, 0
+    for one that does not say (before 1.5).
     """
 
     file: AppletFile | None
     lacking: tuple[str, ...]
     enabled: bool
     current: bool
+    running: float
 
     @property
     def runs(self) -> bool:
-        """Whether an applet with this program's parameters runs."""
-        return not self.lacking
+        """Whether this program's version of the applet runs."""
+        return not self.lacking and _is_ours({"SWP_VER": self.running})
 
     @property
     def fits(self) -> bool:
@@ -326,6 +328,10 @@ class AppletState:
             return f"the applet does not run: {why}"
         if self.lacking:
             return f"another version of the applet runs: it has no {', '.join(self.lacking)}"
+        if not self.runs:
+            return (
+                f"applet {self.running:.7g} runs, not {mine}: the rover has not restarted since it was copied"
+            )
         if not self.enabled:
             return "the applet is switched off: SWP_ENABLE is 0"
         if self.file is None:
@@ -358,7 +364,7 @@ def survey(link: Link, wanted: Sequence[WantedParameter]) -> Survey:
     file = read_applet(link, applet_path().name, applet_source())
     lacking = tuple(p.name for p in PARAMETERS if p.name not in has)
     current = file is not None and file.text == applet_source()
-    applet = AppletState(file, lacking, has.get("SWP_ENABLE") == 1, current)
+    applet = AppletState(file, lacking, has.get("SWP_ENABLE") == 1, current, has.get("SWP_VER", 0.0))
     return Survey(vehicle, tuple(SurveyedParameter(p, has.get(p.name)) for p in wanted), applet)
 
 

@@ -24,9 +24,9 @@ from virtual_matrix import CASES, Case
 from virtual_promises import MAY_BE_LATE, OVERRIDE_HOLDS, WAITING_LIMIT, WINDS_DOWN
 from virtual_world import PHASES
 
-from rover_sweep.vehicle.parameters import LAPSE, SHORT
 from rover_sweep.vehicle.run.controls import INSISTS
 from rover_sweep.vehicle.run.right_to_move import HEARD, REPORTED, WAITING
+from rover_sweep.vehicle.run.takeover import LAPSE, OVERRIDE_TIME
 
 PAGE = Path(__file__).parents[2] / "docs/safety.md"
 CAUSES: tuple[tuple[str, str, str], ...] = (  # cause of the page; faults of the matrix; in words
@@ -97,12 +97,13 @@ def _numbers() -> list[str]:
             ("the laptop drives on without hearing the rover", f"{HEARD:g} s"),
             ("the laptop drives on without the applet's state", f"{REPORTED:g} s"),
             ("the laptop holds the throttle until the speed is right", f"{WAITING:g} s"),
-            (f"the last override holds (`{LAPSE}`, set for a run)", f"{SHORT[LAPSE]:g} s"),
+            ("the applet waits for the laptop's next override, before HOLD", f"{OVERRIDE_HOLDS:g} s"),
+            (f"the last override holds (`{OVERRIDE_TIME}`, set for a run)", f"{LAPSE:g} s"),
             ("the order to disarm is repeated", f"{INSISTS:g} s"),
             ("matrix: throttle or switch sent after the rover was last heard", f"{MAY_BE_LATE:g} s"),
             ("matrix: driven after that, while it could be reached", f"{MAY_BE_LATE + WINDS_DOWN:g} s"),
             (
-                "matrix: driven outside the manoeuvre, the lapse of the override included",
+                "matrix: driven outside the manoeuvre, the wait for HOLD included",
                 f"{MAY_BE_LATE + WINDS_DOWN + OVERRIDE_HOLDS:g} s",
             ),
             (

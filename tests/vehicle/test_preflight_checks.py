@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from firmware_params.applet_parameters import PARAMETERS
+from firmware_params.applet_parameters import PARAMETERS, applet_version
 from firmware_params.param_files import read, shipped
 from rover_sweep.vehicle.identity import VehicleIdentity
 from rover_sweep.vehicle.link.inbox import LinkQuality
@@ -30,7 +30,7 @@ HAS = (
     | {p.name: float(p.default) for p in PARAMETERS}
     | {"STAT_BOOTCNT": 3.0, "FS_THR_ENABLE": 1.0, "FS_THR_VALUE": 910.0, "FS_ACTION": 2.0}
     | {"RC1_TRIM": 1500.0, "RC3_TRIM": 1500.0, "BATT_LOW_VOLT": 10.5, "LOG_BITMASK": 65535.0}
-    | {"LOG_BACKEND_TYPE": 1.0, "LOG_DISARMED": 0.0}
+    | {"LOG_BACKEND_TYPE": 1.0, "LOG_DISARMED": 0.0, "SWP_VER": applet_version(), "RC_OVERRIDE_TIME": 3.0}
 )
 
 
@@ -39,7 +39,9 @@ SAME_NUMBERS = {"parameters", "loop_rate", "filters", "streams", "source", "swit
 
 
 def survey_of(has: dict[str, float]) -> Survey:
-    applet = AppletState(AppletFile("scripts/rover_sweep.lua", "1.2", ""), (), has["SWP_ENABLE"] == 1, True)
+    applet = AppletState(
+        AppletFile("scripts/rover_sweep.lua", "1.2", ""), (), has["SWP_ENABLE"] == 1, True, applet_version()
+    )
     vehicle = VehicleIdentity("ArduRover 4.6.3", (4, 6, 3), "3fc7011a", 42, 1)
     return Survey(vehicle, tuple(SurveyedParameter(p, has.get(p.name)) for p in WANTED), applet)
 

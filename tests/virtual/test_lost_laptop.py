@@ -5,17 +5,22 @@ The applet alone does it, since from the laptop nothing comes any more.
 
 from __future__ import annotations
 
+import random
 from collections.abc import Callable
 from pathlib import Path
+from unittest import mock
 
 import pytest
 from test_second_station import SAME, once, parameter, station
-from virtual_faults import asleep, hole, kill
-from virtual_run import Outcome, played
+from virtual_faults import asleep, each_step, hole, kill
+from virtual_run import Outcome, played, session_played
 from virtual_world import At, Fault, Phase, World
 
 from firmware_params.applet_parameters import applet_source
 from rover_sweep.errors import UsageError
+from rover_sweep.vehicle.identity import AppletUnready
+from rover_sweep.vehicle.link.link import Link
+from rover_sweep.vehicle.run.controls import pump
 from sitl import embedded
 from sitl.autopilot.rover import HOLD, MANUAL
 
@@ -146,6 +151,72 @@ def test_the_pilot_takes_it_back_with_the_mode_switch_and_no_old_override(
     stick(1600).begin(world)
     world.run(3.0)
     assert rover.plant.state.vx > 0.3, "the rover is not the pilot's"
+
+
+@pytest.mark.parametrize("seed", [pytest.param(n, marks=pytest.mark.slow if n else ()) for n in range(10)])
+def test_killed_at_any_instant_nothing_is_left(tmp_path: Path, seed: int) -> None:
+    """kill -9 at ten instants, at random from the first message to the end: nothing moves 4 s later, no
+    parameter of the run stays, and no recording is shorter than it was."""
+    draw = random.Random(seed)
+    for number in range(10):
+        at = draw.uniform(0.0, 22.0)
+        outcome = played(
+            tmp_path / str(number), [(At("connecting", at), kill())], limit=60.0, after=12.0, back=0.0
+        )
+        rover = outcome.world.vehicle.rover
+        assert rover is not None and outcome.killed, f"at {at:.2f} s"
+        late = [row for row in outcome.record.rows if row.t > outcome.ended + 4.0]
+        assert all(abs(row.speed) < 0.5 for row in late) and held(outcome), f"at {at:.2f} s"
+        have = rover.parameters
+        left = (have["RC_OVERRIDE_TIME"], have["SWP_LAPSE"], have["SWP_THR"])
+        assert left == (3.0, 0.0, 0.0), f"at {at:.2f} s"
+
+
+def test_a_run_of_another_program_is_not_followed(tmp_path: Path) -> None:
+    """Both allowed a run at the same instant, and the other's number counts."""
+
+    def counts(world: World) -> None:
+        rover = world.vehicle.rover
+        assert rover is not None
+        if rover.parameters["SWP_GO"] not in (0.0, 12.0):
+            rover.parameters.set("SWP_GO", 12.0)
+
+    with mock.patch("rover_sweep.vehicle.run.one_run.write_go", _unconfirmed):
+        outcome = played(tmp_path, [(At("arming"), each_step("other", counts, 30.0))], limit=60.0, after=5.0)
+    assert outcome.finished is not None and not outcome.finished.completed and not outcome.armed
+    assert "belongs to another ground station (SWP_GO 12, this program drew 4711)" in outcome.said
+
+
+def _unconfirmed(link: Link) -> int:
+    """The other writes right after the value was read back."""
+    link.to_vehicle("PARAM_SET", param_id=b"SWP_GO", param_value=4711.0, param_type=9)
+    pump(link, 0.1)
+    return 4711
+
+
+def test_a_second_program_does_not_begin(tmp_path: Path) -> None:
+    """It sees that the first overrides."""
+
+    def overridden(world: World) -> None:
+        rover = world.vehicle.rover
+        assert rover is not None
+        rover.parameters.set("SWP_LAPSE", 1.5)
+
+    outcome = played(tmp_path, [(At("arming"), each_step("first", overridden, 30.0))], limit=60.0, after=1.0)
+    assert "another ground station overrides this rover" in str(outcome.error)
+    assert not any(row.armed for row in outcome.record.rows)
+
+
+@pytest.mark.parametrize("changed", ['local VERSION = "1.5"', "local PERIOD_MS = 10"])
+def test_another_applet_is_not_driven(tmp_path: Path, monkeypatch, changed: str) -> None:
+    """One of another version, and one of this version that somebody changed."""
+    other = changed.replace("1.5", "1.4").replace("10", "11")
+    applet_without(monkeypatch, tmp_path, (changed, other))
+    outcome = session_played(tmp_path, after=1.0)
+    assert isinstance(outcome.error, AppletUnready)
+    words = "runs applet 1.4, this program needs 1.5" if "1.4" in other else "another checksum"
+    assert words in str(outcome.error)
+    assert not any(row.armed for row in outcome.record.rows) and not outcome.record.sent
 
 
 # ---- Without the rule.

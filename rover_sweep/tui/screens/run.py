@@ -17,7 +17,10 @@ from rover_sweep.tui.screens.frame import ABORT_WORDS, SessionScreen
 from rover_sweep.tui.screens.results import draw_bode, draw_signals
 
 PLAYING = "SPACE pauses, , and . jump 10 s, + and - change the speed."
-WAY_OUT = "SPACE or ESC ends a run; without this laptop: switch low, disarm or change the mode."
+WAY_OUT = (
+    "SPACE or ESC ends a run; without this laptop: switch low, disarm or change the mode. Without this "
+    "program's messages, a rover that it drives goes to HOLD."
+)
 
 
 class RunScreen(SessionScreen):

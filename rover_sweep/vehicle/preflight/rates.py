@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from math import atan2, ceil, degrees, hypot, isnan, pi, sqrt
+from math import atan2, ceil, degrees, hypot, isnan, nan, pi, sqrt
 
 from firmware_params.applet_parameters import AUX_FUNCTION, SWITCH_HIGH, SWITCH_LOW
 from rover_sweep.manoeuvre.sweep import LEAST_SAMPLES
 from rover_sweep.vehicle.link.inbox import ADVICE, LinkQuality
 from rover_sweep.vehicle.link.streams import LOST, StreamQuality, fastest_interval_ms, stream_fault
 from rover_sweep.vehicle.preflight.read_rover import Check, ClockComparison, Observation, Remedy, State
-from rover_sweep.vehicle.run.controls import SCRIPTING_1
+from rover_sweep.vehicle.run.controls import NEUTRAL_ZONE, SCRIPTING_1
 
 LOOP_RATE = 100  # Hz, as identification.param: allows streams of 50 Hz; scripts wait 17 instead of 72 ms
 CUTOFF = 20.0  # Hz, as identification.param
@@ -194,7 +194,6 @@ _NOTICE = Remedy(
     "set FS_THR_ENABLE to 1 and FS_ACTION to 2 (Hold)", sets=(("FS_THR_ENABLE", 1.0), ("FS_ACTION", 2.0))
 )
 _SIX = Remedy(f"set RC6_OPTION to {SCRIPTING_1}", sets=(("RC6_OPTION", float(SCRIPTING_1)),))
-_REST = 30  # us about the trim, where the channel has no dead zone
 
 
 def switch_of(parameters: Mapping[str, float], otherwise: int = 6) -> int:
@@ -229,6 +228,28 @@ def rc(observed: Observation) -> Check:
     if not observed.parameter("FS_THR_ENABLE") > 0 or observed.parameter("FS_ACTION") == 0:
         sentence = "the rover would not react to a loss of the radio (FS_THR_ENABLE, FS_ACTION)"
         return Check("rc", "bad", value, sentence, _NOTICE)
+    return _override_time(observed, value)
+
+
+def _override_time(observed: Observation, value: str) -> Check:
+    """Whether RC_OVERRIDE_TIME lets the rover take an override, and forget it soon."""
+    seconds = observed.parameter("RC_OVERRIDE_TIME")
+    back = observed.parameter("SWP_BACK") if observed.parameter("SWP_LAPSE") > 0 else nan
+    usual = 3.0 if isnan(back) else back
+    sets = Remedy(f"set RC_OVERRIDE_TIME to {usual:g}", sets=(("RC_OVERRIDE_TIME", usual),))
+    if seconds == 0:
+        sentence = "RC_OVERRIDE_TIME is 0: the rover accepts no throttle or switch from this program"
+        return Check("rc", "doubtful", value, sentence, sets)
+    if not isnan(back):
+        sentence = (
+            f"RC_OVERRIDE_TIME is {seconds:g} s instead of {back:g} s, for a program that overrides the "
+            "radio; if none runs, the applet ended with it"
+        )
+        return Check("rc", "doubtful", value, sentence, sets)
+    if not 0 < seconds <= 3.0:
+        holds = "for ever" if seconds < 0 else f"for {seconds:g} s"
+        sentence = f"RC_OVERRIDE_TIME {seconds:g}: what a dead program of any kind sent last holds {holds}"
+        return Check("rc", "doubtful", value, sentence, sets)
     return Check("rc", "good", value)
 
 
@@ -238,7 +259,7 @@ def _stick(observed: Observation, mapping: str, usual: int) -> tuple[int, float,
     number = usual if isnan(mapped) else int(mapped)
     trim, zone = observed.parameter(f"RC{number}_TRIM"), observed.parameter(f"RC{number}_DZ")
     pwm = float((observed.channels or {}).get(number, 0))
-    return number, pwm, 1500.0 if isnan(trim) else trim, max(_REST, 0.0 if isnan(zone) else zone)
+    return number, pwm, 1500.0 if isnan(trim) else trim, NEUTRAL_ZONE if isnan(zone) else zone
 
 
 def switch(observed: Observation) -> Check:

@@ -24,6 +24,7 @@ LOW, HIGH = 1100, 1900  # us; aux switches read below 1200 as low and above 1800
 MANUAL = 0  # custom_mode of Rover
 SCRIPTING_1 = 300  # RCn_OPTION and auxiliary function of the applet's switch
 _BURST, _GAP = 0.24, 0.55  # s
+NEUTRAL_ZONE = 30.0  # us about its trim within which a stick is at rest, where the rover has no RCn_DZ
 _ALIVE = (-1, 0, 1, 2)  # us, in turn: a lost message or two still leave a change
 _IGNORE, _RELEASE, _RELEASE_HIGH = 0xFFFF, 0, 0xFFFE  # channels 9.. take 65534 for "back to the radio"
 FORCE = 21196.0  # param2 of MAV_CMD_COMPONENT_ARM_DISARM: disarm even while it moves

@@ -19,7 +19,7 @@ from collections.abc import Mapping
 from rover_sweep.errors import LinkError, RoverSweepError, UsageError
 from rover_sweep.vehicle.link.link import Link
 from rover_sweep.vehicle.parameters import read_parameter, read_present, write_parameter
-from rover_sweep.vehicle.run.controls import Channels, pump
+from rover_sweep.vehicle.run.controls import NEUTRAL_ZONE, Channels, pump
 
 OVERRIDE_TIME = "RC_OVERRIDE_TIME"
 LAPSE = 1.5  # s that an override lasts after our last message; the applet acts 0.25 s earlier
@@ -81,7 +81,7 @@ class Takeover:
                 f"the rover receives no {name} stick (RC{number} has no value); switch the transmitter on: "
                 "it stops the rover without the laptop"
             )
-        zone = read_present(self._link, [f"RC{number}_DZ"]).get(f"RC{number}_DZ", 0.0)
+        zone = read_present(self._link, [f"RC{number}_DZ"]).get(f"RC{number}_DZ", NEUTRAL_ZONE)
         if abs(us - trim) > zone:
             raise UsageError(
                 f"the {name} stick (RC{number}) is at {us} us, its neutral at {trim} us (RC{number}_TRIM): "
