@@ -27,6 +27,9 @@ _ = [
     it.draw_one_response,
     it.draw_model,
     it.draw_verification,
+    # called from Lua (sitl/autopilot/lua_api.lua)
+    it.override_rc,
+    it.rc_with_option,
     # fields of the vehicle file and of a plan's evidence, read by getattr
     it.asymmetry,
     it.backlash,

@@ -6,6 +6,7 @@ Its clock runs 20 ms a turn, much faster than real time. It has no dynamics: `si
 from __future__ import annotations
 
 import socket
+import struct
 import threading
 import time
 from collections.abc import Callable
@@ -14,9 +15,11 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as m
 
-from firmware_params.applet_parameters import PARAMETERS, applet_version
+from firmware_params.applet_parameters import PARAMETERS, applet_source, applet_version
+from rover_sweep.vehicle.link.link import crc32
 
 SWITCH, THROTTLE, STEERING = 6, 3, 1
+_FTP, _CRC32 = struct.Struct("<HBBBBBxI"), 14  # MAVLink FTP: head of a payload, opcode
 _HURRIED = 5  # times longer holds an override on a clock that runs ahead of the one who sends it
 _COURSE = (1, 2, 3, 4, 5, 6, 7, 8, 9, 0)  # states that a run goes through, 1 s each
 
@@ -44,6 +47,7 @@ class FakeVehicle:
     parameters: dict[str, float] = field(default_factory=default_parameters)
     fixed: frozenset[str] = frozenset()  # parameters that ignore PARAM_SET
     drop: Callable[[Any], bool] = lambda message: False  # replies that are lost
+    applet: str = field(default_factory=applet_source)  # the text of its file
     sticks: dict[int, int] = field(default_factory=dict)  # of the radio, where they are not at rest [us]
     log: bytes = b""
     refuse_arming: str = ""
@@ -227,6 +231,16 @@ class FakeVehicle:
             value = getattr(message, f"chan{n}_raw")
             if value != 0xFFFF:
                 self._rc[n] = (value, self.now)
+
+    def _on_file_transfer_protocol(self, message: Any) -> None:
+        """Knows the checksum of its applet, and no other file."""
+        sequence, _, opcode, size, *_ = _FTP.unpack_from(bytes(message.payload))
+        path = bytes(message.payload[_FTP.size : _FTP.size + size]).rstrip(b"\0").decode()
+        there = opcode == _CRC32 and path == "scripts/rover_sweep.lua"
+        data = crc32(self.applet.encode()).to_bytes(4, "little") if there else bytes([2])
+        head = _FTP.pack(sequence + 1, 0, 128 if there else 129, len(data), opcode, 0, 0)
+        payload = list((head + data).ljust(251, b"\0"))
+        self._send(m.MAVLink_file_transfer_protocol_message(0, 255, 0, payload))
 
     def _on_command_long(self, message: Any) -> None:
         result = self._command(message)

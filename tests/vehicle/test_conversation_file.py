@@ -15,6 +15,7 @@ from conversation_scenarios import APPLET, CONVERSATIONS, SCENARIOS, VERSIONS, c
 from fake_vehicle import FakeVehicle
 from transport_replayed import ConversationDiffers, ReplayedLine
 
+from firmware_params.applet_parameters import version_of
 from rover_sweep.errors import LinkError
 from rover_sweep.vehicle.link.link import Link
 from rover_sweep.vehicle.link.recorded_transport import (
@@ -113,6 +114,7 @@ def test_what_differs_is_noticed(vehicle: FakeVehicle, tmp_path: Path) -> None:
 def test_the_same_happens_as_on_the_firmware(firmware, name, tmp_path, monkeypatch):
     applet = APPLET.read_text(encoding="utf-8")  # a survey compares with the applet of that day
     monkeypatch.setattr("rover_sweep.vehicle.setup.applet_source", lambda: applet)
+    monkeypatch.setattr("rover_sweep.vehicle.setup.applet_version", lambda: float(version_of(applet)))
     conversation = read(CONVERSATIONS / firmware / f"{name}.conversation")
     expected = json.loads((CONVERSATIONS / firmware / f"{name}.json").read_text())
     began, line = time.process_time(), ReplayedLine(conversation)
