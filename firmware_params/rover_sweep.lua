@@ -426,7 +426,7 @@ local laptop = {
     seen = nil, -- value of the steering channel [us], which moved at `moved`
     moved = uint32_t(0),
     meddled = nil, -- RC_OVERRIDE_TIME as somebody else set it meanwhile
-    OVERRIDE_TIME = "RC_OVERRIDE_TIME",
+    time = nil, -- the parameter RC_OVERRIDE_TIME
     MARGIN_S = 0.25, -- HOLD comes so long before the override is over; an update may be 72 ms late
     HOLD = 4, -- mode
 }
@@ -440,14 +440,15 @@ end
 -- Its overrides begin. What they lapse after is set in RAM only, so a reboot has the old value as well. resumed:
 -- this script starts while they are in force, so that SWP_BACK has the old value already.
 function laptop.enter(lapse, resumed)
-    local now = param:get(laptop.OVERRIDE_TIME) or 3.0
+    laptop.time = laptop.time or Parameter("RC_OVERRIDE_TIME")
+    local now = laptop.time:get()
     laptop.on, laptop.lapse, laptop.meddled, laptop.moved = true, lapse, nil, micros()
     laptop.steering, laptop.throttle = laptop.channel("RCMAP_ROLL", 1), laptop.channel("RCMAP_THROTTLE", 3)
     laptop.rest = param:get(string.format("RC%d_TRIM", laptop.throttle)) or 1500
     if not resumed or now ~= lapse then
         parameter.BACK:set_and_save(now)
     end
-    param:set(laptop.OVERRIDE_TIME, lapse)
+    laptop.time:set(lapse)
     laptop.missed = param:get("RC_FS_TIMEOUT") -- since 4.7; before it is 0.5 s
     if laptop.missed and laptop.missed > 0.5 then
         param:set("RC_FS_TIMEOUT", 0.5)
@@ -463,7 +464,7 @@ function laptop.leave()
     for _, channel in ipairs(channels) do
         channel:set_override(0)
     end
-    param:set(laptop.OVERRIDE_TIME, parameter.BACK:get())
+    laptop.time:set(parameter.BACK:get())
     if laptop.missed then
         param:set("RC_FS_TIMEOUT", laptop.missed)
     end
@@ -475,11 +476,11 @@ end
 
 -- Whoever sets RC_OVERRIDE_TIME meanwhile gets it afterwards; until then it would outlast the ground station.
 function laptop.hold_lapse()
-    local now = param:get(laptop.OVERRIDE_TIME)
-    if now and math.abs(now - laptop.lapse) > 0.001 then
+    local now = laptop.time:get()
+    if math.abs(now - laptop.lapse) > 0.001 then
         laptop.meddled = now
         parameter.BACK:set_and_save(now)
-        param:set(laptop.OVERRIDE_TIME, laptop.lapse)
+        laptop.time:set(laptop.lapse)
     end
 end
 
@@ -682,7 +683,7 @@ local function reason_to_stop(v, seen)
     if not seen.rc_valid then return "RC lost" end
     if v.GCS > 0 and not (seen.gcs_age_ms <= GCS_LOST_MS) then return "GCS lost" end
     if not (parameter.ENABLE:get() >= 1) then return string.format("SWP_ENABLE is %g", parameter.ENABLE:get()) end
-    if laptop.on and laptop.meddled then return string.format("%s set to %g", laptop.OVERRIDE_TIME, laptop.meddled) end
+    if laptop.on and laptop.meddled then return string.format("RC_OVERRIDE_TIME set to %g", laptop.meddled) end
     if SRV_Channels:find_channel(v.servo) ~= v.channel then return string.format("SERVO%d %s no more", v.channel + 1, v.axis.lost) end
     return nil
 end

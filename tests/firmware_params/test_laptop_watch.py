@@ -224,10 +224,7 @@ def test_without_its_line_another_throttle_drives() -> None:
     ("line", "kept"),
     [
         ("channel:set_override(0)", lambda bench: not bench.given_back),
-        (
-            "param:set(laptop.OVERRIDE_TIME, parameter.BACK:get())",
-            lambda b: b.parameters["RC_OVERRIDE_TIME"] == LAPSE,
-        ),
+        ("laptop.time:set(parameter.BACK:get())", lambda b: b.parameters["RC_OVERRIDE_TIME"] == LAPSE),
         ("parameter.THR:set_and_save(0)", lambda bench: bench.parameters["SWP_THR"] == THROTTLE),
     ],
 )
