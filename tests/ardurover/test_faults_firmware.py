@@ -73,7 +73,7 @@ SCENARIOS = (
     Scenario("hole 7 s", link("hole"), SILENT, lifts=7.0, lapses=True),
     Scenario("downlink gone for good", link("hole", "down"), SILENT),
     Scenario("uplink gone 3.6 s", link("hole", "up"), "HOLD", lifts=3.6, lapses=True),
-    Scenario("stall 3.6 s", link("stall"), SILENT, lifts=3.6, lapses=True),
+    Scenario("stall 3.6 s", link("stall"), f"{SILENT}|went into HOLD", lifts=3.6, lapses=True),
     Scenario("scripts end", scripts_end, "the applet has not reported its state"),
     Scenario("SIM_RC_FAIL 1", receiver(1.0), "RC lost|receiver is not healthy", drives=UNSEEN),
     Scenario("SIM_RC_FAIL 2", receiver(2.0), "jumped at once"),

@@ -124,8 +124,8 @@ class Takeover:
         """LinkError if the applet no longer watches over us."""
         if self._overrides and read_parameter(self._link, "SWP_LAPSE") == 0:
             raise LinkError(
-                "the applet does not see this program's overrides: the link loses them (go closer), or the rover "
-                "ignores them (RC_OPTIONS bit 1; SYSID_MYGCS other than 255, from 4.7 on MAV_GCS_SYSID)"
+                "the applet does not see this program's overrides: the link loses them (go closer), or the "
+                "rover ignores them (RC_OPTIONS bit 1; SYSID_MYGCS other than 255, from 4.7 on MAV_GCS_SYSID)"
             )
 
     def _pace(self) -> float:
