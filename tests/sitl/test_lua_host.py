@@ -27,10 +27,14 @@ def autopilot(told: Told, **changes: Any) -> Any:
         "get_parameter": {"FS_ACTION": 2.0}.get,
         "set_parameter": lambda name, value, save: name == "FS_ACTION",
         "rc_pwm": {1: 1500}.get,
+        "override_rc": lambda channel, us: told.overrides.append((channel, us, 0)),
+        "rc_with_option": {300: 6}.get,
         "aux_position": lambda function: None,
         "rc_valid": lambda: True,
         "armed": lambda: False,
+        "disarm": lambda: True,
         "mode": lambda: 4,
+        "set_mode": lambda mode: mode == 4,
         "servo_channel": lambda function: 2 if function == 26 else None,
         "override_servo": lambda *call: told.overrides.append(call),
         "servo_pwm": lambda channel: 1500 + channel,
@@ -147,3 +151,13 @@ def test_exception_of_the_autopilot_is_not_the_scripts_error() -> None:
 
     with pytest.raises(KeyError, match="a mistake"):
         evaluate("arming:is_armed()", armed=broken)
+
+
+def test_a_channel_is_an_object_whose_override_ends() -> None:
+    told = Told()
+    source = "rc:get_channel(3):set_override(0) rc:find_channel_for_option(300):set_override(1100)"
+    LuaHost(autopilot(told), source).poll()
+    assert told.overrides == [(3, 0, 0), (6, 1100, 0)]
+    source = "gcs:send_text(6, tostring(rc:find_channel_for_option(301)))"
+    LuaHost(autopilot(told), source).poll()
+    assert told.texts[-1][1] == "nil"

@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 from by_keys import Person, application, using
 
+from firmware_params.applet_parameters import applet_version
 from rover_sweep.session.folder import read_folder as read_session
 from rover_sweep.vehicle.events import RunFinished
 from sitl import launcher
@@ -79,7 +80,7 @@ async def whole(person: Person, folder: Path) -> None:
     await person.press("enter")
     await person.until("[2 PREFLIGHT]", "does not run", "F: copy this program's applet")
     await person.press("f")
-    await person.until("✓ good      applet       1.4 runs")
+    await person.until(f"✓ good      applet       {applet_version():g} runs")
     await person.when(lambda: " BAD " not in person.screen, "nothing that is bad")
 
     await person.press("3", "g")  # the usual sweep of 55 s, aborted
