@@ -89,6 +89,7 @@ SCENES: Mapping[str, tuple[Step, ...]] = {
     "run-aborting": (*_DRIVEN, "space"),
     "run-lost": (*_DRIVEN, [Lost("nothing was heard of the rover for 3 s.")]),
     "run-switch-low": (*_DRIVEN, [e.SwitchWanted("low", 6), snapshot(75.0, state=0, state_name="idle")]),
+    "run-hold": (*_READY, "4", [snapshot(75.0, state=0, state_name="idle", mode=4, armed=True)]),
     "run-played": ([Played(34.0, 120.0, 2.0), *under_way()], "4"),
     "verdict": (*_DRIVEN, finished()),
     "verdict-keep": (*_DRIVEN, [*finished()[:-1], Judged(_KEEP)]),

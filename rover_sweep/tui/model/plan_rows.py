@@ -176,8 +176,8 @@ def rows_of_plan(document: Mapping[str, Any]) -> tuple[Row, ...]:
 _STILL = next(p.default for p in PARAMETERS if p.name == "SWP_STILL")  # s
 HOLD = 4  # mode
 IN_HOLD = (
-    "The rover is armed and stands in HOLD: it missed this program, or the pilot chose it. To drive it by "
-    "hand, centre the sticks and turn the mode switch away and back to MANUAL."
+    "The rover stopped and is armed: it missed this program, or the pilot chose HOLD. To drive it by hand, "
+    "centre the sticks and turn the mode switch away and back to MANUAL."
 )
 STILL_SPEED = 0.2  # m/s, below which the applet takes the rover to stand
 
@@ -203,7 +203,7 @@ def task(state: State, speed: float = float("nan")) -> Task:
         return Task("NO LINK", f"{state.lost} Set the switch low: it stops the rover without this laptop.")
     drive = state.driving
     if state.armed and state.snapshot is not None and state.snapshot.mode == HOLD:
-        return Task("HOLD", IN_HOLD)
+        return Task("IN HOLD", IN_HOLD)
     if drive is None:
         return _without_run(state)
     settings, applet = drive.settings, state.applet
