@@ -3,9 +3,10 @@
 models.svg and verification-run4.svg are pictures of the report that `identify` writes for the recorded
 nominal rover; report.png is the top of its page, diagnosis.png that of the page that `diagnose` writes for
 the recorded rover c (both need Chromium). session-*.svg are screens of `session`, as the tests play them.
-proof.svg shows what the tool is for: the same turns on the official firmware with its default gains and with
-the proposed ones, as recorded; and the side force of the tyres that `diagnose` found in a rover whose tyres
-slide, beside the law that its simulator has and the tool does not.
+proof.svg shows what the tool is for: a corner on the official firmware with its default gains and with those
+after four steps of `gains`, both from one `gains --check` of the recorded drive, and the path, integrated
+from recorded turn rate and speed; and the side force of the tyres that `diagnose` found in a rover whose
+tyres slide, beside the law that its simulator has and the tool does not.
 """
 
 from __future__ import annotations
@@ -26,9 +27,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 import rover_sweep as rs
+from rover_sweep.api.gains import check_gains
 from rover_sweep.cli.main import run
 from rover_sweep.data.geometry import STANDARD_GRAVITY
-from rover_sweep.logs.readers.dataflash import open_parts
 
 HERE = Path(__file__).parent
 OUT = HERE / "pictures"
@@ -39,11 +40,10 @@ CHARTS = ("models.svg", "verification-run4.svg")
 SCREENS = {"preflight": "preflight", "run-steers": "run", "verdict": "verdict"}  # scenes of tests/tui
 PAGE = (860, 1000)  # px of a page's top
 INKS = 48  # colours of its picture
-SPEED = 2.45  # m/s, of the recorded turns
-SHOWN = 5.0  # s of them: one corner of 90 degrees
+SHOWN = 5.0  # s of a drive: one corner of 90 degrees
+DRIVES = {"defaults": ("#B5452C", "default gains"), "proposed": ("#1F6FA8", "gains after four steps")}
 DRAWN = (1, 45)  # seed of a rover of the foreign plant
 CONCEALED = {"mu": 0.342945852397455, "tyre_form": 3.0}  # its tyres: tanh, sliding at .34 g
-COLOURS = {"default": "#B5452C", "proposed": "#1F6FA8"}
 
 
 def draw(only: list[str]) -> None:
@@ -130,33 +130,35 @@ def proof() -> None:
 
 
 def _turns(rate: Axes, path: Axes) -> None:
-    """Turn rate and path of both segments, PIDS.Tar and PIDS.Act of the firmware."""
-    (log,) = open_parts(TURNS)
-    rows = log.rows("PIDS")
-    t = log.seconds("PIDS", rows)
-    wanted, actual = (log.column("PIDS", name, rows) for name in ("Tar", "Act"))
-    for segment in json.loads(TURNS.with_suffix(".json").read_text())["segments"]:
-        name, start = segment["name"].removesuffix("s"), segment["start_s"]
-        part = (t >= start) & (t < start + SHOWN)
-        time = t[part] - start
-        if name == "default":
-            rate.plot(time, np.degrees(wanted[part]), "k--", lw=1, label="wanted")
-            path.plot(*_path(time, wanted[part]), "k--", lw=1, label="wanted")
-        error = np.degrees(np.sqrt(np.mean((wanted[part] - actual[part]) ** 2)))
-        label = f"{name} gains: {error:.1f}°/s rms off"
-        rate.plot(time, np.degrees(actual[part]), color=COLOURS[name], label=label)
-        path.plot(*_path(time, actual[part]), color=COLOURS[name], label=f"{name} gains")
-    rate.set(title="The same corner on ArduRover 4.6.3", xlabel="s", ylabel="turn rate, °/s", ylim=(-14, 34))
-    path.set(title=f"Path at {SPEED} m/s", xlabel="right, m", ylabel="ahead, m", aspect="equal")
+    """Turn rate and path of the first corner with either set of gains, from one `gains --check`."""
+    checked = check_gains([TURNS])
+    starts = {s["name"]: s["start_s"] for s in json.loads(TURNS.with_suffix(".json").read_text())["segments"]}
+    pairs = zip(starts.items(), (*checked.before[0], *checked.steering), strict=True)
+    for (name, start), check in pairs:
+        part = (check.log.t >= start) & (check.log.t < start + SHOWN)
+        t, wanted, actual, speed = (
+            x[part] for x in (check.log.t, check.log.target, check.log.actual, check.log.speed)
+        )
+        if name == "defaults":
+            rate.plot(t - start, np.degrees(wanted), "k--", lw=1, label="wanted")
+            path.plot(*_path(t, wanted, speed), "k--", lw=1, label="wanted")
+        error = np.degrees(check.achieved.rms)
+        colour, label = DRIVES[name]
+        rate.plot(t - start, np.degrees(actual), color=colour, label=f"{label}: {error:.1f}°/s rms off")
+        path.plot(*_path(t, actual, speed), color=colour, label=label)
+    rate.set(
+        title="Turn rate on ArduRover 4.6.3 in SITL", xlabel="s", ylabel="turn rate, °/s", ylim=(-14, 34)
+    )
+    path.set(title="Path, integrated", xlabel="right, m", ylabel="ahead, m", aspect="equal")
     for axes in (rate, path):
         axes.legend(fontsize=7, framealpha=0.9)
 
 
-def _path(t: np.ndarray, rate: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(right (n,), ahead (n,)) m of a rover at SPEED with this turn rate (n,) rad/s."""
+def _path(t: np.ndarray, rate: np.ndarray, speed: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(right (n,), ahead (n,)) m, without sideslip, of turn rate rad/s and speed m/s (n,)."""
     dt = np.gradient(t)
     heading = np.cumsum(rate * dt)
-    return np.cumsum(SPEED * np.sin(heading) * dt), np.cumsum(SPEED * np.cos(heading) * dt)
+    return np.cumsum(speed * np.sin(heading) * dt), np.cumsum(speed * np.cos(heading) * dt)
 
 
 def concealed_rover() -> tuple[Any, Any]:

@@ -12,7 +12,7 @@ from acro_drive import FULL, judge, limited_targets, predicted, segments
 
 from rover_sweep.data.recording import Array
 from rover_sweep.gains.controller import BEFORE, RatePid, Step, simulated_step, step_metrics, step_target
-from rover_sweep.gains.proposal import Proposal
+from rover_sweep.gains.proposal import Proposal, propose_gains
 from rover_sweep.gains.steering_chain import Autopilot, Gains, autopilot
 from rover_sweep.logs.readers.dataflash import DataFlash, index
 from rover_sweep.logs.readers.dataflash_channels import read_dataflash
@@ -68,6 +68,20 @@ def test_the_step_came_as_predicted_and_the_defaults_never_got_there(proposal: P
 def test_the_flown_gains_are_still_what_is_proposed(proposal: Proposal):
     for name, value in proposal.proposed.gains.parameters.items():
         assert value == pytest.approx(FLOWN["proposed"].parameters[name], rel=0.15), name
+
+
+def test_the_flown_gains_are_the_fourth_step_from_the_defaults(proposal: Proposal):
+    """As the caption of docs/pictures/proof.svg says."""
+    loop, steps = proposal.autopilot, []
+    for _ in range(4):
+        made = propose_gains(proposal.found, loop, proposal.speed).proposed
+        assert made is not None
+        steps.append(made)
+        loop = replace(loop, gains=made.gains)
+    assert math.isnan(steps[0].step.rise)
+    for name, value in steps[3].gains.parameters.items():
+        assert value == pytest.approx(FLOWN["proposed"].parameters[name], rel=0.15), name
+    assert steps[2].gains.i < 0.9 * steps[3].gains.i
 
 
 @pytest.mark.parametrize("name", ["defaults", "proposed"])
