@@ -1,6 +1,7 @@
 """Public recordings through `rs.identify_driving`, beside a fit that shares no code with it.
 
     python -m tests.benchmarks.gallery CHECKOUTS CARS   # the rows of docs/gallery.md
+    python -m tests.benchmarks.gallery CHECKOUTS CARS --why   # what it says on where they differ
 
 CHECKOUTS: a folder with clones of the repositories of SETS, by their names; CARS: the folder with the
 prepared tables umich_*.csv and dart_*.csv (see tests/data/cars). Neither is part of this repository.
@@ -98,8 +99,10 @@ CARS = (
 )
 
 
-def other_fit(d: pd.DataFrame, column: str) -> tuple[float, float]:
+def other_fit(d: pd.DataFrame, column: str, understeer: bool = False) -> tuple[float, float]:
     """(gain [1/m per unit], delay and lag together [s]) of the least squares over a grid of both.
+
+    understeer: with a term of V^3 times the steering.
 
     The squares are those of the curvature r/V: the speeds then count by the steering's square, as in the
     speed for which the tool says its response time. Those of r would count fast turns by V^2 more.
@@ -116,7 +119,8 @@ def other_fit(d: pd.DataFrame, column: str) -> tuple[float, float]:
         u = np.interp(t - delay, d.t, d[column])
         for lag in (0.001, 0.01, *np.arange(0.02, 0.12, 0.015), 0.13, 0.155, 0.18, 0.21, 0.25, 0.3, 0.35):
             share = np.exp(-STEP / lag)
-            x = [lfilter([1 - share], [1, -share], each)[use] for each in (v * u, v)]
+            terms = (v * u, v, v**3 * u) if understeer else (v * u, v)
+            x = [lfilter([1 - share], [1, -share], each)[use] for each in terms]
             a = np.column_stack((*x, np.ones(int(use.sum())))) * weight[:, None]
             weights = np.linalg.lstsq(a, r[use] * weight, rcond=None)[0]
             error = float(np.var(r[use] * weight - a @ weights))
@@ -151,9 +155,27 @@ def rows(sets: tuple[Set, ...], folder: Path) -> Iterator[str]:
         yield f"{first}| {told} | {other} | {time} | {late:.2f} |"
 
 
+def why(checkouts: Path) -> Iterator[str]:
+    """Putnam Park's wheelbase at some speeds (least squares of r/V), and set 5 with understeer."""
+    d = race("Putnam_park2023_run4_2.csv", checkouts)
+    u = np.interp(d.t - other_fit(d, "delta")[1], d.t, d.delta)
+    for low, high in ((2, 7), (7, 11), (11, 20), (20, 30)):
+        now = ((d.v > low) & (d.v < high)).to_numpy()
+        curved, fit = (d.r / d.v).to_numpy()[now], np.polyfit(u[now], (d.r / d.v)[now], 1)
+        left = np.var(curved - np.polyval(fit, u[now])) / np.var(curved)
+        yield f"Putnam Park, {low} to {high} m/s: {1 / fit[0]:.2f} m (R² {1 - left:.3f})"
+    d = friction(5, checkouts)
+    d = d[np.concatenate(([True], np.diff(d.t) > 1e-6))]
+    for words, term in (("straight", False), ("with understeer", True)):
+        yield f"F1/10 car, set 5, other fit {words}: {1 / abs(other_fit(d, 'delta', term)[0]):.3f} m"
+
+
 def main() -> None:
     """Writes the rows of the page to stdout."""
     checkouts, cars = (Path(word) for word in sys.argv[1:3])
+    if "--why" in sys.argv:
+        print(*why(checkouts), sep="\n")
+        return
     for sets, folder in ((SETS, checkouts), (CARS, cars)):
         for row in rows(sets, folder):
             print(row, flush=True)
