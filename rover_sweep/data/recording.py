@@ -67,6 +67,8 @@ OUTPUTS = ("r", "ay", "vydot", "p")  # responses of the models
 ASSUMED = "factory value, assumed"  # source of a low-pass that was neither recorded nor given
 AT_LOOP = "at the main loop"  # end of the source of commands time-stamped at the main loop that applied them
 Kind = Literal["sweep", "bias_sweep", "doublet", "multisine", "throttle", "other"]
+Origin = Literal["commanded", "measured", "unknown"]  # of a recorded steering
+STEERING_CHANNELS = ("pwm", "delta", "servo")  # those with an origin
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -75,7 +77,8 @@ class Signal:
 
     t: (n,) s on the recording's clock, strictly increasing. x: (n,) in `unit`.
     hold: True for a staircase (a PWM keeps x[k] from t[k] to t[k+1]), False for samples of a continuous
-    signal. source: message and field, such as "IMU.GyrZ".
+    signal. source: message and field, such as "IMU.GyrZ". origin: of a steering, whether it was commanded,
+    so that the servo is behind it, or measured behind the servo; of other signals it has no meaning.
     """
 
     t: Array
@@ -83,6 +86,7 @@ class Signal:
     unit: str
     source: str = ""
     hold: bool = False
+    origin: Origin = "unknown"
 
     def __post_init__(self) -> None:
         if self.t.shape != self.x.shape or self.t.ndim != 1:
@@ -156,7 +160,7 @@ class Recording(Shown):
 
     channels, as far as recorded:
       pwm    steering output [us], a staircase (hold=True)
-      delta  road-wheel angle [rad], left positive; from pwm by `steered`, or measured (CSV)
+      delta  road-wheel angle [rad], left positive; from pwm by `steered`, or as recorded (CSV)
       r, p   yaw and roll rate [rad/s]; phi roll angle [rad]; psi heading [rad], unwrapped, left positive
       ay     lateral specific force at the IMU [m/s^2], not transferred to the CG, gravity included
       vy     lateral velocity at the IMU [m/s]; speed: forward velocity [m/s]
@@ -268,6 +272,34 @@ def grouped_warnings(runs: Iterable[Recording]) -> tuple[str, ...]:
     return tuple(
         f"{of[0]}{f' and {len(of) - 1} more' if len(of) > 1 else ''}: {text}" for text, of in names.items()
     )
+
+
+def steering_origin(origins: Iterable[str]) -> str:
+    """The origin of the steering of several runs: an `Origin`, "mixed", or "" without any."""
+    different = set(origins)
+    return different.pop() if len(different) == 1 else "mixed" if different else ""
+
+
+def origin_remark(runs: Sequence[Recording]) -> str:
+    """A sentence on a steering that was measured, of unknown origin, or both kinds; "" for a command."""
+    steered_by = {run.name: run[c] for run in runs if (c := "delta" if "delta" in run else "pwm") in run}
+    of = {
+        origin: ", ".join(f"{n} ({s.source or '-'})" for n, s in steered_by.items() if s.origin == origin)
+        for origin in dict.fromkeys(s.origin for s in steered_by.values())
+    }
+    match steering_origin(of):
+        case "measured":
+            return f"the steering was measured in {of['measured']}, so the model excludes the servo"
+        case "unknown":
+            return (
+                f"whether the steering was commanded or measured is unknown in {of['unknown']}: if measured, "
+                'the model excludes the servo; say it in the column map with origin = "commanded" or '
+                '"measured" (in Python: in the Signal)'
+            )
+        case "mixed":
+            words = "; ".join(f"{origin} in {names}" for origin, names in of.items())
+            return f"the steering has different origins, so the model includes the servo in part: {words}"
+    return ""
 
 
 def steered(recording: Recording, trim_us: float, rad_per_us: float, source: str = "pwm") -> Recording:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.ndimage import uniform_filter1d
@@ -146,7 +146,7 @@ def _continuous(steering: Signal, loop: float) -> Signal:
     """
     if steering.rate >= STAIRCASE_HZ:
         return steering
-    return Signal(steering.t + 0.5 * loop, steering.x, steering.unit, steering.source)
+    return replace(steering, t=steering.t + 0.5 * loop, hold=False)
 
 
 def _in_holes(signal: Signal, t: Array) -> Mask:

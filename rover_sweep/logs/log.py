@@ -291,7 +291,7 @@ def joined_steering(fine: Signal, coarse: Signal | None) -> Signal:
     edges = coarse.t - 0.5 * np.minimum(since, interval)
     t, x = np.concatenate((fine.t, edges[lone])), np.concatenate((fine.x, coarse.x[lone]))
     order = np.argsort(t, kind="stable")
-    return Signal(t[order], x[order], fine.unit, fine.source, hold=fine.hold)
+    return replace(fine, t=t[order], x=x[order])
 
 
 def disagreement(coarse: Signal, fine: Signal) -> tuple[float, float]:

@@ -238,7 +238,7 @@ def _channels(rows: Array) -> dict[str, Signal]:
     t, pwm, throttle, gx, gz, ay, roll, yaw, north, east = rows.T.copy()
     psi = np.unwrap(-yaw)
     return {
-        "pwm": Signal(t, pwm, "us", "applet", hold=True),
+        "pwm": Signal(t, pwm, "us", "applet", hold=True, origin="commanded"),
         "throttle": Signal(t, throttle, "us", "throttle", hold=True),
         "r": Signal(t, -gz, "rad/s", "gyro z"),
         "p": Signal(t, gx, "rad/s", "gyro x"),

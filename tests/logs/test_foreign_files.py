@@ -240,7 +240,8 @@ def test_files_of_one_drive_are_joined_and_units_and_signs_found(tmp_path: Path)
     found = guessed(source).map
     assert found["r"] == {"column": "imu.wz", "unit": "deg/s", "scale": -1}
     assert found["ay"] == {"column": "imu.ay", "unit": "g"}
-    assert found["delta"] == {"column": "command.steering", "scale": -1.0} and found["speed"] == "odom.vx"
+    assert found["delta"] == {"column": "command.steering", "scale": -1.0, "origin": "commanded"}
+    assert found["speed"] == "odom.vx"
     assert found["time"][0] == {"column": "imu.s", "nanoseconds": "imu.ns"}
     (log,) = read_logs(source)
     d = drive(200.0)

@@ -52,6 +52,7 @@ def test_the_position_is_in_us_of_the_output(tmp_path: Path, servo: int):
     run = rs.read(with_telemetry(tmp_path / "run.BIN", servo), vehicle=DATA / "rover.toml")[0]
     assert run["servo"].unit == "us" and run["servo"].source == "CSRV.Pos"
     assert run["delta"].source.startswith("SWEP"), "the command, unless the servo is asked for"
+    assert (run["delta"].origin, run["servo"].origin) == ("commanded", "measured")
     inside = run.manoeuvre("servo")
     late = run["pwm"].on(np.arange(*run.span, 0.01))
     assert np.ptp(inside.x) == pytest.approx(np.ptp(late), rel=0.1)
@@ -70,7 +71,9 @@ def test_the_rover_without_its_servo_has_no_delay_and_no_gains(tmp_path: Path):
         document = identification_document(result, result.origin)
         found[servo] = document["models"]["bicycle"]["parameters"]["tau"]["value"]
         doubts = from_identification(document, "bicycle").doubts
-        assert servo == any("identify without --servo-telemetry" in doubt for doubt in doubts)
+        assert servo == any(
+            "the steering was measured (CSRV.Pos), so the model begins" in doubt for doubt in doubts
+        )
     assert found[False] - found[True] == pytest.approx(LAG + DELAY, abs=0.012)
     assert found[True] < 0.015
 

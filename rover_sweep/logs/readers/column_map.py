@@ -26,6 +26,11 @@ Where there is no gyro or no speed, several columns make one:
 
 A steering in -1 to 1 is no angle: `delta = {column = "steer", unit = "full"}`.
 
+Was the steering commanded, so that the servo is behind it, or measured? Without the key, `pwm` was commanded,
+`servo` measured, and of `delta` it is unknown:
+
+    delta = {column = "steer", origin = "commanded"}   # or "measured": by an encoder, or a servo's telemetry
+
 Clocks: date-times are read as they are. `time` is left out where the file has stamps of its own (bags, ULog),
 and a list where several files are joined, with one clock of each:
 
@@ -46,7 +51,7 @@ from typing import Any
 import numpy as np
 
 from rover_sweep.data.geometry import STANDARD_GRAVITY
-from rover_sweep.data.recording import Array, Mask
+from rover_sweep.data.recording import Array, Mask, Origin
 from rover_sweep.errors import UsageError
 from rover_sweep.files.documents import read_toml
 
@@ -74,6 +79,7 @@ FACTORS: Mapping[str, Mapping[str, float]] = {
     "m/s^2": {"m/s^2": 1.0, "g": STANDARD_GRAVITY, "ft/s^2": 0.3048},
     "m": {"m": 1.0, "ft": 0.3048},
 }
+ORIGINS: Mapping[str, Origin] = {"pwm": "commanded", "delta": "unknown", "servo": "measured"}  # if not given
 PATHS = {"position": (2, "m"), "lat_lon": (2, ""), "velocity": (2, "m/s")}
 # {channel: {how it is made: (number of columns, unit that these have)}}
 MADE: Mapping[str, Mapping[str, tuple[int, str]]] = {
@@ -90,7 +96,7 @@ class Column:
     """The columns of a channel: (value - offset) * scale is in the channel's unit.
 
     made: "" for one column as it is, else how several make the channel (MADE). along: weights of `columns`.
-    unit: as given, "" for the channel's own.
+    unit: as given, "" for the channel's own. origin: of a steering.
     """
 
     names: tuple[str, ...]
@@ -99,6 +105,7 @@ class Column:
     made: str = ""
     along: tuple[float, ...] = ()
     unit: str = ""
+    origin: Origin = "unknown"
 
     @property
     def source(self) -> str:
@@ -246,10 +253,11 @@ def _column(channel: str, given: Any, header: Sequence[str]) -> Column:
     ways = {"column": (1, UNITS.get(channel, "s")), **MADE.get(channel, {})}
     way = next((key for key in ways if isinstance(entry, Mapping) and key in entry), "column")
     weighted = {"along"} if way == "columns" else set()
-    keys = {way, "scale", "offset", "unit", *weighted}
+    keys = {way, "scale", "offset", "unit", *weighted, *({"origin"} if channel in ("pwm", "delta") else ())}
     if not isinstance(entry, Mapping) or not weighted <= set(entry) <= keys:
         raise UsageError(
             f'Column map: {channel} = {given!r}, it must be "name" or {{column, unit, scale, offset}}'
+            f"{', with origin for a steering' if channel in ('pwm', 'delta') else ''}"
         )
     count, unit = ways[way]
     named = entry.get(way)
@@ -269,7 +277,18 @@ def _column(channel: str, given: Any, header: Sequence[str]) -> Column:
     along = tuple(_number(f"along of {channel}", x) for x in entry.get("along", ()))
     if weighted and len(along) != count:
         raise UsageError(f"Column map: {channel} = {given!r}; along needs {count} numbers")
-    return Column(names, scale, offset, "" if way == "column" else way, along, entry.get("unit", ""))
+    origin = _origin(channel, entry.get("origin", ORIGINS.get(channel, "unknown")))
+    made = "" if way == "column" else way
+    return Column(names, scale, offset, made, along, entry.get("unit", ""), origin)
+
+
+def _origin(channel: str, given: Any) -> Origin:
+    for origin in ORIGINS.values():
+        if given == origin:
+            return origin
+    raise UsageError(
+        f'Column map: origin of {channel} = {given!r}, it must be "commanded", "measured" or "unknown"'
+    )
 
 
 def _factor(channel: str, own: str, unit: Any) -> float:

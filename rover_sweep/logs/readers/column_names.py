@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import re
 
+from rover_sweep.data.recording import Origin
+
 # {role: ((pattern, weight), ...)}: matched against the name in lower case, words joined by blanks
 _PATTERNS: dict[str, tuple[tuple[str, float], ...]] = {
     "time": (
@@ -61,6 +63,12 @@ _PATTERNS: dict[str, tuple[tuple[str, float], ...]] = {
     "bad": ((r"^(bad|invalid|outlier|reject|leave ?out)$", 1.0),),
 }
 _COMMANDED = re.compile(r"\b(cmd|command|des|target|ref|set ?point|sp\b|goal|request|drive speed|ackermann)")
+_MEASURED = re.compile(
+    r"\b(meas\w*|actual|act|feedback|fb|fdbk|enc|encoder|pot|potentiometer|report\w*|sensor|gemessen|ist)\b"
+)
+_SENT = re.compile(
+    r"\b(drive steering angle|rc|joy\w*|stick|soll|rcou|output|actuator (servos|controls|outputs)( \d)?)\b"
+)
 _NOT = {
     "steering": re.compile(r"\b(rate|torque|vel|velocity|speed|dot|delta ?delta|d delta|effort|current)\b"),
     "speed": re.compile(
@@ -149,6 +157,15 @@ def is_numbered(name: str) -> bool:
 def is_commanded(name: str) -> bool:
     """True for a set value, which is not a measurement."""
     return bool(_COMMANDED.search(words_of(name)))
+
+
+def origin_in(name: str) -> Origin:
+    """Whether a steering of this name was commanded or measured; "unknown" where it does not say."""
+    words = words_of(name)
+    sent = is_commanded(name) or bool(_SENT.search(words))
+    if sent == bool(_MEASURED.search(words)):
+        return "unknown"
+    return "commanded" if sent else "measured"
 
 
 def without_unit(name: str) -> str:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -72,7 +73,7 @@ def _log(name: str, flash: DataFlash, filters: Mapping[str, float] | None, sourc
     coarse = _output(flash, channel)
     throttle = _output(flash, output_channel(parameters, THROTTLE) or 3)
     if throttle is not None:
-        signals["throttle"] = Signal(throttle.t, throttle.x, "us", throttle.source, hold=True)
+        signals["throttle"] = replace(throttle, hold=True)
     swept = applet_output(flash, "SWET")
     if swept is not None:
         signals["throttle"] = joined_steering(swept, throttle)
@@ -252,7 +253,9 @@ def _output(flash: DataFlash, channel: int) -> Signal | None:
     """
     for column in (f"C{channel}", f"Ch{channel}", f"Chan{channel}"):
         if flash.has("RCOU", column):
-            return _signals(flash, "RCOU", _timed(flash, "RCOU", column), {"pwm": (column, 1.0, "us")})["pwm"]
+            rows = _timed(flash, "RCOU", column)
+            sent = _signals(flash, "RCOU", rows, {"pwm": (column, 1.0, "us")})["pwm"]
+            return replace(sent, origin="commanded")
     return None
 
 
@@ -284,7 +287,8 @@ def servo_position(flash: DataFlash, output: int, command: Signal) -> tuple[Sign
         if inside.sum() >= LEAST_SAMPLES and np.ptp(x[inside]) > 0 and np.ptp(command.x) > 0:
             share, scale, offset, lag, delay = _fitted(t[inside], x[inside], command)
             if share >= LEAST_FIT and (best is None or share > best[0]):
-                best = share, Signal(t, (x - offset) / scale, "us", "CSRV.Pos"), lag, delay
+                position_us = Signal(t, (x - offset) / scale, "us", "CSRV.Pos", origin="measured")
+                best = share, position_us, lag, delay
     if best is None:
         return None
     share, signal, lag, delay = best

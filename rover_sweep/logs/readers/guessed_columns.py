@@ -35,6 +35,7 @@ from rover_sweep.logs.readers.column_names import (
     is_numbered,
     is_rotation,
     name_weight,
+    origin_in,
     unit_in,
 )
 from rover_sweep.logs.readers.motion_columns import (
@@ -395,6 +396,14 @@ def _steering_lines(
     strong = (share > 0.5) + (share > LINK) + (weight >= NAMED)
     others = [n for s, n, *_ in tried[1:4] if s > best[0] - 0.3 and s > 0.5]
     also = tuple(f"{channel} = {toml_value(_entry(n, '', '', more))}" for n in others)
+    origin = origin_in(name)
+    if origin != "unknown":
+        more = {**more, "origin": origin}
+        reasons.append(f"likely {origin}, by its name")
+    elif channel == "delta":
+        reasons.append("commanded or measured is not known, and gains need it")
+        wanted = toml_value(_entry(name, "", "", {**more, "origin": "commanded"}))
+        also = (f'{channel} = {wanted}  # or "measured"', *also)
     yield FoundColumn(channel, _entry(name, "", "", more), _certainty(int(strong)), "; ".join(reasons), also)
     if grid.held[name] > 0.5 and is_commanded(name):
         yield FoundColumn("sampling", "step", "likely", f"{100 * grid.held[name]:.0f} % of its values repeat")

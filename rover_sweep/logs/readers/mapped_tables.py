@@ -197,7 +197,7 @@ def _log(name: str, table: RecordedTable, rows: Sequence[NDArray[np.bool_]], col
             x = -x
         if t.size:
             hold = channel == "throttle" or (columns.step and channel in ("pwm", "delta"))
-            signals[channel] = Signal(t, x, UNITS[channel], column.source, hold=hold)
+            signals[channel] = Signal(t, x, UNITS[channel], column.source, hold, column.origin)
             if lost := int(np.sum(np.isfinite(time))) - int(np.sum(good)):
                 text = f"{channel} (column {column.source}): {lost} of {time.size} rows are no finite number"
                 notes.append(Note("warning", f"{text} and were left out"))

@@ -169,7 +169,7 @@ def _log(
     steering = _output(session, recorded or STEERING_FIRST)
     throttle = _output(session, output_channel(parameters, THROTTLE) or 3)
     if throttle is not None:
-        signals["throttle"] = Signal(throttle.t, throttle.x, "us", throttle.source, hold=True)
+        signals["throttle"] = replace(throttle, hold=True)
     firmware = firmware_of(marks)
     if not firmware and "AUTOPILOT_VERSION" in session.messages:
         number = int(session.messages["AUTOPILOT_VERSION"].rows["flight_sw_version"][-1])
@@ -263,5 +263,5 @@ def _output(session: BootMessages, channel: int) -> Signal | None:
         return None
     x = frames.rows[f"servo{(channel - 1) % 16 + 1}_raw"].astype(float)
     t, (x,) = increasing(session.seconds("SERVO_OUTPUT_RAW")[of_port], x[of_port])
-    signal = Signal(t, x, "us", f"SERVO_OUTPUT_RAW.servo{channel}_raw")
+    signal = Signal(t, x, "us", f"SERVO_OUTPUT_RAW.servo{channel}_raw", origin="commanded")
     return replace(signal, hold=signal.rate > EVERY_STEP)

@@ -277,4 +277,4 @@ def applet_output(flash: DataFlash, message: str) -> Signal | None:
     )
     is_output = np.ptp(out) > 0 and float(np.min(out)) > 0
     name = f"{message}.Out" if is_output else f"{message}.Cmd"
-    return Signal(t, out if is_output else wanted, "us", name, hold=True)
+    return Signal(t, out if is_output else wanted, "us", name, hold=True, origin="commanded")
