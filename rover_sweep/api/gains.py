@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 from rover_sweep.api.diagnose import load_diagnosis
 from rover_sweep.api.identify import load_result
 from rover_sweep.api.save import holds, is_diagnosis, result_document, result_file
 from rover_sweep.data.controller_log import ControllerLog
+from rover_sweep.data.vehicle_file import Vehicle
 from rover_sweep.data.vehicle_file import load as load_vehicle
 from rover_sweep.errors import DataRefused, UsageError
 from rover_sweep.gains.check import SpeedCheck, SteeringCheck, check_speed, check_steering
@@ -34,7 +35,7 @@ def steering_gains(
     """Current and proposed gains.
 
     place: file or folder of an identification or diagnosis. name: of the model, None for the recommended
-    one. vehicle_file: with rad_per_us, if the results have none. current: {parameter: value} of the
+    one. vehicle_file: with rad_per_us and servo, if the results have none. current: {parameter: value} of the
     vehicle, empty for the firmware's defaults; current_from: their origin, for errors. speed: design speed
     [m/s], None for that of the runs. UsageError for files from which no gains can be computed.
     """
@@ -97,31 +98,28 @@ def _checked(
 
 def read_identified(place: Path, name: str | None, vehicle_file: str | None = None) -> Identified:
     """The model of an identification.json, a saved result, a diagnosis, or a folder with one of them; with
-    rad_per_us of the vehicle file, if one is given."""
+    rad_per_us and the servo of the vehicle file, if one is given."""
     path = result_file(place, "identification.json", "diagnosis.json")
     if path is None:
         raise UsageError(
             f"{place} contains no identification; give the --out folder of identify, run or diagnose"
         )
-    found = _identified(path, name)
-    if vehicle_file:
-        return replace(found, rad_per_us=load_vehicle(vehicle_file).steering()[1])
-    return found
+    return _identified(path, name, load_vehicle(vehicle_file) if vehicle_file else None)
 
 
-def _identified(path: Path, name: str | None) -> Identified:
+def _identified(path: Path, name: str | None, vehicle: Vehicle | None) -> Identified:
     document = result_document(path)
     try:
         if document.get("format") == "rover-sweep identification":
-            return from_identification(document, name)
+            return from_identification(document, name, vehicle)
         if is_diagnosis(document):
             found = load_diagnosis(path)
             if name not in (None, found.baseline):
                 raise UsageError(f"{path} has the {found.baseline} model; remove --model {name}")
-            return from_diagnosis(found)
+            return from_diagnosis(found, vehicle)
         if holds(document, "Result"):
             result = load_result(path)
-            return from_identification(identification_document(result, result.origin), name)
+            return from_identification(identification_document(result, result.origin), name, vehicle)
     except (KeyError, TypeError, ValueError, IndexError) as error:
         match error:
             case KeyError():

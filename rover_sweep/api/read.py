@@ -468,8 +468,8 @@ def load_runs(
 def with_delta(run: Recording, vehicle: Vehicle, servo: bool = False) -> Recording:
     """The run with `delta` [rad], from pwm and the steering of the vehicle; DataRefused without steering.
 
-    servo: from the measured position of the servo; the model then excludes the servo and the linkage that
-    `bench` measured, which acts before it.
+    servo: from the measured position of the servo. A model of a measured steering excludes the servo and the
+    linkage that `bench` measured, which acts before it.
     """
     stop = vehicle.max_steering_angle
     if servo:
@@ -483,5 +483,6 @@ def with_delta(run: Recording, vehicle: Vehicle, servo: bool = False) -> Recordi
         if "pwm" not in run:
             raise DataRefused(f"{run.name}: no steering was recorded; log RCOU, SWEP or SERVO_OUTPUT_RAW")
         run = steered(run, *vehicle.steering())
-        return through_linkage(stopped_at(run, stop.value) if stop else run, vehicle)
+        stopped = stopped_at(run, stop.value) if stop else run
+        return stopped if run["delta"].origin == "measured" else through_linkage(stopped, vehicle)
     return stopped_at(run, stop.value) if stop else run

@@ -105,6 +105,8 @@ def check_steering(log: ControllerLog, found: Identified | None = None) -> Steer
         right = (fitted.feed_forward(loop), ends[0], ends[1])
     if swing is not None:
         skipped += ("FF and the stops: check again when the loop no longer oscillates",)
+    if found is not None and found.structure is not None and not found.has_servo:
+        skipped += ("the prediction: the model may lack the servo; see the reason with `gains` alone",)
     findings = (
         *_oscillates(swing, loop.gains, "ATC_STR_RAT", "deg/s", math.degrees(1.0)),
         *(_feed_forward(loop.gains, fitted, right) if swing is None else ()),
@@ -249,6 +251,8 @@ Modelled = tuple[SampledPlant, float, Autopilot]
 
 def _identified(found: Identified | None, fitted: Response | None, loop: Autopilot) -> Modelled | None:
     if found is None or found.structure is None or found.rad_per_us is None or fitted is None:
+        return None
+    if not found.has_servo:  # a drive without its servo would be predicted
         return None
     slower = _slower(loop)
     family = family_of(replace(found, intervals={}), slower, abs(fitted.speed))

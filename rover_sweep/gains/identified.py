@@ -12,8 +12,10 @@ from rover_sweep.data.geometry import Geometry
 from rover_sweep.data.plausibility import implausible
 from rover_sweep.data.recording import AT_LOOP, LowPass
 from rover_sweep.data.results import NORMAL_90
+from rover_sweep.data.vehicle_file import Vehicle
 from rover_sweep.diagnosis.linear import hidden_filters, left_out, linear
 from rover_sweep.diagnosis.result import Diagnosis
+from rover_sweep.gains.servo import origin_of, servo_doubts, servo_of
 from rover_sweep.identification.model_results import UNTIED
 from rover_sweep.identification.models import bicycle, kinematic, roll_yaw
 from rover_sweep.identification.state_space import ModelStructure
@@ -123,7 +125,8 @@ class Identified:
     vehicle file. gyro_hz: low-pass of the gyro in the runs; loop_hz: main loop in the runs; both None if
     unknown. amplitude_us, largest_us: smallest and largest PWM amplitude of the runs. hidden: additional
     low-passes found by a diagnosis. remarks: sentences on effects not in the model. reasons: why there is no
-    model. doubts: why the model may set no gains, though it may be a good fit.
+    model. doubts: why the model may set no gains, though it may be a good fit. has_servo: whether the servo
+    is in the structure, which then begins at the command.
     """
 
     name: str
@@ -141,6 +144,7 @@ class Identified:
     remarks: tuple[str, ...] = ()
     reasons: tuple[str, ...] = ()
     doubts: tuple[str, ...] = ()
+    has_servo: bool = True
 
     @property
     def kinematic(self) -> bool:
@@ -163,10 +167,13 @@ class Identified:
             yield label, structure.with_values(_tied(structure, values))
 
 
-def from_identification(document: Mapping[str, Any], wanted: str | None = None) -> Identified:
+def from_identification(
+    document: Mapping[str, Any], wanted: str | None = None, vehicle: Vehicle | None = None
+) -> Identified:
     """From the document of identification.json. wanted: one of PHYSICAL, None for the recommended one.
 
-    Raises KeyError, TypeError or ValueError for an invalid document.
+    vehicle: replaces rad_per_us and the servo of the document. UsageError where it has no rad_per_us. Raises
+    KeyError, TypeError or ValueError for an invalid document.
     """
     models = document["models"]
     name = wanted or document["recommended"]
@@ -189,40 +196,49 @@ def from_identification(document: Mapping[str, Any], wanted: str | None = None) 
     bands = [g["responses"]["r"]["band"] for g in forward if "r" in g["responses"]]
     usable = [b for b in bands if b]
     wait = loop_wait(run)
+    servo, origin = servo_of(vehicle, steering), origin_of(document)
+    structure, intervals = _with_shorter_delay(structure, wait), _intervals(parameters, wait)
+    added = servo if origin == "measured" else None
+    if added:
+        structure, intervals = added.before(structure, intervals)
+    own = float(steering["rad_per_us"]["value"]) if steering else None
     return Identified(
         name,
         model["verdict"]["level"],
-        _with_shorter_delay(structure, wait),
-        _intervals(parameters, wait),
+        structure,
+        intervals,
         speeds,
         (max(b[0] for b in usable), min(b[1] for b in usable)) if usable else None,
-        float(steering["rad_per_us"]["value"]) if steering else None,
+        vehicle.steering()[1] if vehicle else own,
         cutoff(run),
         loop(run),
         amplitude(document["runs"]),
         widest_amplitude(document["runs"]),
         (),
-        play_remark(steering),
+        (*(added.remarks if added else ()), *play_remark(steering)),
         tuple(model["verdict"]["sentences"]),
-        _doubts(model, geometry, parameters, run),
+        (*_doubts(model, geometry, parameters), *servo_doubts(origin, servo, _steering_of(document))),
+        origin == "commanded" or added is not None,
     )
 
 
-def _doubts(
-    model: Mapping[str, Any], geometry: Geometry, parameters: Mapping[str, Any], run: Mapping[str, Any]
-) -> tuple[str, ...]:
+def _steering_of(document: Mapping[str, Any]) -> tuple[str, ...]:
+    """Sources of the steering in the runs of an identification.json."""
+    sources = (run["channels"].get("delta", {}).get("source", "") for run in document["runs"])
+    return tuple(str(source) for source in sources if source)
+
+
+def _doubts(model: Mapping[str, Any], geometry: Geometry, parameters: Mapping[str, Any]) -> tuple[str, ...]:
     """Why a model of an identification.json may set no gains."""
-    measured = run["channels"].get("delta", {}).get("source", "").startswith("CSRV")
-    servo = (
-        "the model begins at the measured servo, without its lag: identify without --servo-telemetry",
-    ) * measured
     tested = [(str(v["run"]), float(v["j_rms"]), float(v["tic"])) for v in model["verification_runs"]]
     free = {n: float(p["value"]) for n, p in parameters.items() if p["free"] and p["value"] is not None}
-    return (*not_predicted(tested), *absurd(geometry, free), *servo)
+    return (*not_predicted(tested), *absurd(geometry, free))
 
 
-def from_diagnosis(found: Diagnosis) -> Identified:
+def from_diagnosis(found: Diagnosis, vehicle: Vehicle | None = None) -> Identified:
     """From the linearised model of a diagnosis, with assumed intervals of gain and delay.
+
+    vehicle: its rad_per_us and servo; of a measured steering, the diagnosis has neither.
 
     The baseline must be valid at other speeds: ValueError for the lumped one, and without a model.
     """
@@ -238,19 +254,28 @@ def from_diagnosis(found: Diagnosis) -> Identified:
     lost = tuple(f"not included in the computed loop: {words}" for words in left_out(model))
     structure = _with_shorter_delay(linear(model), model.wait)
     assert structure is not None
+    intervals = _assumed_intervals(structure)
+    servo, origin = servo_of(vehicle, None), model.steering_origin
+    added = servo if origin == "measured" else None
+    if added:
+        with_servo, intervals = added.before(structure, intervals)
+        assert with_servo is not None
+    else:
+        with_servo = structure
     tested = ((h.run, h.after.j_rms, h.after.tic) for h in found.held_out)
     return Identified(
         model.name,
         "good" if found.verdict in WHOLE else "poor",
-        structure,
-        _assumed_intervals(structure),
+        with_servo,
+        intervals,
         (model.speed,),
-        rad_per_us=model.steering[1] if model.steering else None,
+        rad_per_us=vehicle.steering()[1] if vehicle else model.steering[1] if model.steering else None,
         gyro_hz=known.cutoff_hz if known else None,
         hidden=hidden,
-        remarks=lost,
+        remarks=(*(added.remarks if added else ()), *lost),
         reasons=(f"the diagnosis says {found.verdict.upper()}, so its model lacks a part of the motion",),
-        doubts=(*not_predicted(tested), *absurd(model.rover, structure.values)),
+        doubts=(*not_predicted(tested), *absurd(model.rover, structure.values), *servo_doubts(origin, servo)),
+        has_servo=origin == "commanded" or added is not None,
     )
 
 

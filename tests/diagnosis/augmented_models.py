@@ -64,9 +64,8 @@ def model(*effects: str, baseline: str = "roll-yaw", **x: float) -> AugmentedMod
         own = {effect.coordinate_name(p): p for p in effect.parameters}
         found |= SIZES.get(name) or {key: found.get(key, 0.0) + p.size * p.per for key, p in own.items()}
     filters = {c: LowPass(20.0, "test") for c in ("r", "p", "ay")}
-    return AugmentedModel(
-        baseline, geometry_of(VEHICLE), effects, found | x, SPEED, filters, VEHICLE.steering(), wait=0.005
-    )
+    known = geometry_of(VEHICLE), effects, found | x, SPEED, filters, VEHICLE.steering()
+    return AugmentedModel(baseline, *known, wait=0.005, steering_origin="commanded")
 
 
 def on_smooth_ground(variant: str, folder: Path) -> Path:

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from rover_sweep.data.geometry import GRAVITY, Geometry
-from rover_sweep.data.recording import AT_LOOP, LowPass, Recording
+from rover_sweep.data.recording import AT_LOOP, LowPass, Recording, steering_origin
 
 if TYPE_CHECKING:
     from rover_sweep.diagnosis.effects import Effect
@@ -29,7 +29,8 @@ class AugmentedModel:
     runs [m/s].
     filters: known low-passes of the channels. steering: (trim_us, rad_per_us) of the vehicle file. wait:
     part of the delay in which a command waits for the autopilot's main loop [s]. happened_in: name of the
-    run with a change of ground. happened_at: instant of the change [s] from the start of that manoeuvre.
+    run with a change of ground. steering_origin: of the runs ("commanded", "measured", "unknown" or "mixed"),
+    "" in a file of an older version. happened_at: instant of the change [s] from the start of that manoeuvre.
     happened_order: place of that run in the order of driving.
     """
 
@@ -46,6 +47,7 @@ class AugmentedModel:
     laws: tuple[TableLaw, ...] = ()
     """Laws without a name, fitted together with the coordinates."""
     happened_order: int = 0
+    steering_origin: str = ""
 
     @property
     def name(self) -> str:
@@ -135,6 +137,7 @@ def augmented(
         happened_in=model.happened_in,
         happened_at=at,
         happened_order=model.happened_order,
+        steering_origin=steering_origin(run["delta"].origin for run in runs),
     )
 
 
@@ -144,6 +147,6 @@ def _wait(run: Recording) -> float:
     The gyro is logged once per loop, so its rate is that of the loop, 20 to 400 Hz in ArduRover.
     """
     steering = run["delta"]
-    waited = steering.hold and not steering.source.endswith(AT_LOOP)
+    waited = steering.hold and steering.origin != "measured" and not steering.source.endswith(AT_LOOP)
     known = waited and 20.0 <= run["r"].rate <= 400.0
     return 0.5 / run["r"].rate if known else 0.0

@@ -39,6 +39,7 @@ def augmented_document(model: AugmentedModel) -> dict[str, Any]:
         "happened_at_s": model.happened_at,
         "laws": encoded(model.laws),
         "happened_order": model.happened_order,
+        "steering_origin": model.steering_origin,
     }
 
 
@@ -64,6 +65,7 @@ def augmented_from(document: Mapping[str, Any]) -> AugmentedModel:
         happened_at=document["happened_at_s"],
         laws=tuple(law_from(law) for law in document.get("laws", ())),
         happened_order=int(document.get("happened_order", 0)),
+        steering_origin=str(document.get("steering_origin", "")),
     )
     refuse_implausible(model)
     return model

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from rover_sweep.data.recording import OUTPUTS, Recording
+from rover_sweep.data.recording import OUTPUTS, STEERING_CHANNELS, Recording
 from rover_sweep.data.results import LEVEL, Quantity
 from rover_sweep.data.vehicle_rules import LARGEST_OF_STEERING
 from rover_sweep.identification.both_ways import BothWays
@@ -243,6 +243,7 @@ def recording_document(run: Recording) -> dict[str, Any]:
         "sources": [{"file": name, "sha256": digest} for name, digest in run.sources],
         "channels": {
             name: {"source": s.source, "unit": s.unit, "rate_hz": run.manoeuvre(name).rate}
+            | ({"origin": s.origin} if name in STEERING_CHANNELS else {})
             for name, s in run.channels.items()
         },
         "filters": {

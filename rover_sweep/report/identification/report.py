@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
-from rover_sweep.data.recording import Recording
+from rover_sweep.data.recording import STEERING_CHANNELS, Recording, origin_remark
 from rover_sweep.data.results import Progress, number
 from rover_sweep.files.documents import remove_file, write_file
 from rover_sweep.identification.grouping import Group
@@ -167,6 +167,7 @@ def _answer(result: Identification, provenance: Provenance) -> tuple[Part, ...]:
     return some(
         *first,
         *(Sentence(sentence(words)) for words in said if words),
+        Sentence(sentence(origin_remark((*identified_runs(result), *provenance.verify_runs)))),
         *items(to_do(result, provenance)),
         Sentence(residual_sentence(result) or "", level="full"),
         Sentence(filters_remark(result) or "", level="full"),
@@ -269,7 +270,7 @@ def _recording(run: Recording, role: str, verdict: str) -> Section:
     rows = (
         (
             SHORT_NAMES.get(name, name),
-            signal.source or "–",
+            (signal.source or "–") + (f" ({signal.origin})" if name in STEERING_CHANNELS else ""),
             signal.unit,
             number(run.manoeuvre(name).rate, 3),
             filters.get(name, "–"),
