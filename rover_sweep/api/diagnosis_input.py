@@ -12,7 +12,7 @@ from typing import Any
 from rover_sweep.api.known_steering import has_linkage, known
 from rover_sweep.api.read import doublets_apart, refuse_overlap, refuse_without_sweep
 from rover_sweep.api.save import result_document
-from rover_sweep.data.recording import Recording, origin_remark
+from rover_sweep.data.recording import Recording, origin_remark, steering_of
 from rover_sweep.data.results import Progress
 from rover_sweep.data.vehicle_file import Vehicle
 from rover_sweep.data.vehicle_geometry import geometry_of, tolerances_of
@@ -122,7 +122,7 @@ def diagnosed(
     if found.model is not None and not behind and None not in (vehicle.trim_us, vehicle.rad_per_us):
         found = replace(found, model=replace(found.model, steering=vehicle.steering()))
     remarks = [NOTHING_HELD_OUT] if not given.held_out and found.verdict != "refused" else []
-    remarks += [*filter(None, (origin_remark(given.runs), simpler, misplaced)), *left_out]
+    remarks += [*filter(None, (origin_remark(steering_of(given.runs)), simpler, misplaced)), *left_out]
     remarks += [f"{effect} was not looked for: {why}" for effect, why in settled.items()]
     if has_linkage(vehicle):
         remarks.append(

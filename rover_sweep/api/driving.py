@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from rover_sweep.api.read import Location
+from rover_sweep.data.recording import origin_remark
 from rover_sweep.data.results import ShortTable
 from rover_sweep.data.vehicle_file import load
 from rover_sweep.data.vehicle_geometry import geometry_of
@@ -31,7 +32,8 @@ WHEELBASES = 0.02, 20.0  # m
 class DrivingIdentification(DrivingAnswer):
     """The result of `identify_driving`. It prints as a table.
 
-    read: how files of other systems were read, such as the columns that were found without a map.
+    read: how files of other systems were read, such as the columns that were found without a map, and whether
+    their steering was measured, or may have been.
     """
 
     sources: tuple[str, ...] = ()
@@ -92,10 +94,13 @@ def identify_driving(
     logs = tuple(with_slope(log) if _is_foreign(log) else log for log in _logs(names, columns, system))
     logs = with_one_clock(logs) if all(map(_is_foreign, logs)) else logs
     found = answer_from(logs, wheelbase, rover)
+    foreign = [log for log in logs if _is_foreign(log)]
+    notes = [*(note.text for log in foreign for note in log.notes)]
+    notes.append(origin_remark({log.name: log.steering[0] for log in foreign if log.steering}))
     return DrivingIdentification(
         **{f.name: getattr(found, f.name) for f in fields(found)},
         sources=tuple(Path(n).name for n in names),
-        read=tuple(dict.fromkeys(note.text for log in logs if _is_foreign(log) for note in log.notes)),
+        read=tuple(dict.fromkeys(filter(None, notes))),
     )
 
 

@@ -280,12 +280,19 @@ def steering_origin(origins: Iterable[str]) -> str:
     return different.pop() if len(different) == 1 else "mixed" if different else ""
 
 
-def origin_remark(runs: Sequence[Recording]) -> str:
-    """A sentence on a steering that was measured, of unknown origin, or both kinds; "" for a command."""
-    steered_by = {run.name: run[c] for run in runs if (c := "delta" if "delta" in run else "pwm") in run}
+def steering_of(runs: Iterable[Recording]) -> dict[str, Signal]:
+    """{name of the run: its road-wheel angle, else its steering output}, without runs that have neither."""
+    return {run.name: run[c] for run in runs for c in ("pwm", "delta") if c in run}
+
+
+def origin_remark(steering: Mapping[str, Signal]) -> str:
+    """A sentence on a steering that was measured, of unknown origin, or both kinds; "" for a command.
+
+    steering: {name of a run or log: its steering}.
+    """
     of = {
-        origin: ", ".join(f"{n} ({s.source or '-'})" for n, s in steered_by.items() if s.origin == origin)
-        for origin in dict.fromkeys(s.origin for s in steered_by.values())
+        origin: ", ".join(f"{n} ({s.source or '-'})" for n, s in steering.items() if s.origin == origin)
+        for origin in dict.fromkeys(s.origin for s in steering.values())
     }
     match steering_origin(of):
         case "measured":

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import signal
+import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -56,6 +57,24 @@ def test_the_report_is_written_and_the_summary_printed(
     assert [(r["role"], r["name"]) for r in document["recordings"]] == [("fit", "run1"), ("held out", "run4")]
     assert all(len(r["sources"][0]["sha256"]) == 64 for r in document["recordings"])
     assert document["vehicle"]["file"] == "rover.toml" and document["baseline"] == "roll-yaw"
+
+
+@pytest.mark.parametrize("origin", ["commanded", "measured", "unknown"])
+def test_a_steering_that_was_measured_or_may_have_been_is_remarked(
+    engine: Engine, asked: RunProgram, tmp_path: Path, origin: str
+) -> None:
+    """The model of a measured one has no conversion from PWM, as the servo is not in it."""
+    sys.path.insert(0, str(DATA.parent / "gains"))
+    from csv_drives import as_csv, column_map
+
+    engine.answer = replace(PLAIN, model=AugmentedModel("bicycle", Geometry(2.66, 0.203, 0.188), (), {}, 2.0))
+    (sweep,) = as_csv(tmp_path, ["run1"])
+    code, out, _ = asked(sweep, "--columns", column_map(tmp_path, origin), "--full")
+    assert code == 0
+    assert ("the steering was measured in run1 (angle)" in out.lower()) == (origin == "measured")
+    assert ("commanded or measured is unknown in run1 (angle)" in out) == (origin == "unknown")
+    model = json.loads((tmp_path / "out" / "diagnosis.json").read_text())["model"]
+    assert (model["steering"] is None) == (origin == "measured")
 
 
 def test_doublets_are_held_out_unless_other_runs_are(engine: Engine, asked: RunProgram) -> None:

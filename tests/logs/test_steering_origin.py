@@ -15,7 +15,7 @@ from test_foreign_files import FORMATS, drive, written
 
 import rover_sweep as rs
 from rover_sweep.cli.main import cli
-from rover_sweep.data.recording import Recording, Signal, origin_remark, steered
+from rover_sweep.data.recording import Recording, Signal, origin_remark, steered, steering_of
 from rover_sweep.errors import UsageError
 from rover_sweep.identification.pipeline import identified_runs
 from rover_sweep.logs.log import joined_steering
@@ -204,6 +204,16 @@ def test_runs_of_both_kinds_are_named(tmp_path: Path) -> None:
         Recording(name, {"delta": Signal(t, np.sin(t), "rad", "angle", origin=origin)}, (1.0, 9.0))
         for name, origin in (("run1", "commanded"), ("run2", "measured"))
     )
-    assert origin_remark([one]) == "" == origin_remark([])
-    words = origin_remark([one, two])
+    assert origin_remark(steering_of([one])) == "" == origin_remark({})
+    words = origin_remark(steering_of([one, two]))
     assert "commanded in run1 (angle)" in words and "measured in run2 (angle)" in words
+
+
+def test_an_answer_from_any_driving_says_it_too(tmp_path: Path) -> None:
+    path, found = csv(tmp_path), {}
+    for origin in ("commanded", "measured", "unknown"):
+        angle = {"column": "angle", "origin": origin}
+        found[origin] = " ".join(rs.identify_driving(path, columns=NAMES | {"delta": angle}).read)
+    assert "the steering was measured in drive (angle), so the model excludes the servo" in found["measured"]
+    assert "commanded or measured is unknown in drive (angle)" in found["unknown"]
+    assert "steering" not in found["commanded"]

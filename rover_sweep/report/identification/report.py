@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
-from rover_sweep.data.recording import STEERING_CHANNELS, Recording, origin_remark
+from rover_sweep.data.recording import STEERING_CHANNELS, Recording, origin_remark, steering_of
 from rover_sweep.data.results import Progress, number
 from rover_sweep.files.documents import remove_file, write_file
 from rover_sweep.identification.grouping import Group
@@ -167,7 +167,7 @@ def _answer(result: Identification, provenance: Provenance) -> tuple[Part, ...]:
     return some(
         *first,
         *(Sentence(sentence(words)) for words in said if words),
-        Sentence(sentence(origin_remark((*identified_runs(result), *provenance.verify_runs)))),
+        Sentence(sentence(origin_remark(steering_of((*identified_runs(result), *provenance.verify_runs))))),
         *items(to_do(result, provenance)),
         Sentence(residual_sentence(result) or "", level="full"),
         Sentence(filters_remark(result) or "", level="full"),
