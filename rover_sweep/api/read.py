@@ -478,7 +478,7 @@ def with_delta(run: Recording, vehicle: Vehicle, servo: bool = False) -> Recordi
                 f"{run.name} holds no servo telemetry (CSRV) that follows the steering; "
                 "omit --servo-telemetry"
             )
-        run = steered(run, *vehicle.steering(), "servo")
+        run = steered(_with_holes_noted(run), *vehicle.steering(), "servo")
     if "delta" not in run:
         if "pwm" not in run:
             raise DataRefused(f"{run.name}: no steering was recorded; log RCOU, SWEP or SERVO_OUTPUT_RAW")
@@ -486,3 +486,20 @@ def with_delta(run: Recording, vehicle: Vehicle, servo: bool = False) -> Recordi
         stopped = stopped_at(run, stop.value) if stop else run
         return stopped if run["delta"].origin == "measured" else through_linkage(stopped, vehicle)
     return stopped_at(run, stop.value) if stop else run
+
+
+_HOLE = 0.15  # s between two positions of a servo, from which a fast sweep turns back unseen
+
+
+def _with_holes_noted(run: Recording) -> Recording:
+    """The run with a warning where its servo's telemetry has holes, in which the position is interpolated."""
+    t = run.manoeuvre("servo").t
+    steps = np.diff(t)
+    if not steps.size or (longest := float(steps.max())) <= max(_HOLE, 3 * float(np.median(steps))):
+        return run
+    at = float(t[int(np.argmax(steps))])
+    text = (
+        f"The servo's telemetry (CSRV) has holes of up to {longest:.2f} s, the longest at {at:.1f} s, in "
+        "which its position is interpolated: omit --servo-telemetry, or log it without holes"
+    )
+    return replace(run, notes=(*run.notes, Note("warning", text)))

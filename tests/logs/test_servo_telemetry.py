@@ -23,8 +23,11 @@ KIND, FORMAT = 251, b"QBfffBfffffB"
 COLUMNS = b"TimeUS,Id,Pos,Force,Speed,Pow,PosCmd,V,A,MotT,PCBT,Err"
 
 
-def with_telemetry(path: Path, servo: int, follows: bool = True) -> Path:
-    """The recording with CSRV of a servo (DroneCAN's number, or 4.7's) at 50 Hz, and of another one."""
+def with_telemetry(path: Path, servo: int, follows: bool = True, hole: float = 0.0) -> Path:
+    """The recording with CSRV of a servo (DroneCAN's number, or 4.7's) at 50 Hz, and of another one.
+
+    hole: s without CSRV in every 12 s.
+    """
     (log,) = read_dataflash(RUN)
     command = log.steering[0]
     grid = np.arange(command.t[0], command.t[-1], 0.001)
@@ -39,7 +42,7 @@ def with_telemetry(path: Path, servo: int, follows: bool = True) -> Path:
     length = 3 + struct.calcsize(cells)
     rows = [struct.pack("<BBBBB4s16s64s", 0xA3, 0x95, 128, KIND, length, b"CSRV", FORMAT, COLUMNS)]
     noise = 0.05 * np.random.default_rng(1).standard_normal(t.size)
-    for at, x in zip(t, position + noise, strict=True):
+    for at, x in ((at, x) for at, x in zip(t, position + noise, strict=True) if at % 12 >= hole):
         for number, value in ((servo, x), (7, -x)):
             row = (round(at * 1e6), number, value, 0.1, 0.0, 3, 0.0, 6.0, 0.4, 30.0, 30.0, 0)
             rows.append(bytes([0xA3, 0x95, KIND]) + struct.pack(cells, *row))
@@ -76,6 +79,16 @@ def test_the_rover_without_its_servo_has_no_delay_and_no_gains(tmp_path: Path):
         )
     assert found[False] - found[True] == pytest.approx(LAG + DELAY, abs=0.012)
     assert found[True] < 0.015
+
+
+def test_holes_in_the_telemetry_are_a_warning_and_the_command_has_none(tmp_path: Path):
+    path, words = with_telemetry(tmp_path / "run.BIN", 0, hole=1.0), "telemetry (CSRV) has holes of up to 1.0"
+    for servo, origin in ((True, "measured"), (False, "commanded")):
+        run = rs.read(path, vehicle=DATA / "rover.toml", servo=servo)[0]
+        assert run["delta"].origin == origin
+        assert any(words in n.text for n in run.notes if n.level == "warning") == servo
+    whole = rs.read(with_telemetry(path, 0), vehicle=DATA / "rover.toml", servo=True)[0]
+    assert not any("has holes" in n.text for n in whole.notes)
 
 
 def test_telemetry_of_another_servo_is_not_used(tmp_path: Path):
