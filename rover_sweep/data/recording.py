@@ -10,7 +10,7 @@ from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from importlib import import_module
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -95,6 +95,9 @@ class Signal:
             )
         if self.t.size > 1 and not np.all(np.diff(self.t) > 0):
             raise ValueError(f"Signal {self.source}: time stamps must increase strictly")
+        if self.origin not in get_args(Origin):
+            words = "it must be commanded, measured or unknown"
+            raise ValueError(f"Signal {self.source}: the origin is {self.origin!r}; {words}")
 
     def __repr__(self) -> str:
         span = f", {self.t[0]:.2f} to {self.t[-1]:.2f} s" if self.t.size else ""

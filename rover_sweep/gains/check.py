@@ -106,7 +106,7 @@ def check_steering(log: ControllerLog, found: Identified | None = None) -> Steer
     if swing is not None:
         skipped += ("FF and the stops: check again when the loop no longer oscillates",)
     if found is not None and found.structure is not None and not found.has_servo:
-        skipped += ("the prediction: the model may lack the servo; see the reason with `gains` alone",)
+        skipped += ("the prediction: the model may lack the servo; `gains` without --check says why",)
     findings = (
         *_oscillates(swing, loop.gains, "ATC_STR_RAT", "deg/s", math.degrees(1.0)),
         *(_feed_forward(loop.gains, fitted, right) if swing is None else ()),

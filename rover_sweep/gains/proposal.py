@@ -222,6 +222,7 @@ def propose_gains(
     support = supported(found, autopilot, at)
     if (
         found.structure is None
+        or not found.has_servo  # margins without it would be too large, those of the present gains too
         or found.rad_per_us is None
         or autopilot.angle_per_output(found.rad_per_us) <= 0
     ):

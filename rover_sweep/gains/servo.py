@@ -124,7 +124,8 @@ def servo_doubts(origin: str, servo: Servo | None, named: Iterable[str] = ()) ->
         "the servo in part: identify the commanded runs alone",
         "unknown": f"it is unknown whether the steering was commanded or measured{of}, and a measured one "
         'lacks the servo: say it in the column map, as delta = {column = "steer", origin = "commanded"} or '
-        '"measured" (in Python: Signal(..., origin="commanded")), and identify again',
+        '"measured" (in Python: Signal(..., origin="commanded")), and identify again; of a .BIN or .tlog, it '
+        "is an older version that saved this result: identify again",
         "": "an older version of rover-sweep wrote this result, without whether the steering was commanded "
         "or measured: identify (or diagnose) again",
     }

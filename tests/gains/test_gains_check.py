@@ -111,6 +111,12 @@ def test_a_limit_that_is_hit_is_named(proposal: Proposal, tuned: Gains, name: st
     assert next(limit for limit in check.limits if limit.parameter == name).seconds > 15
 
 
+def test_a_model_that_may_lack_the_servo_predicts_nothing(proposal: Proposal, tuned: Gains):
+    check = check_steering(driven(proposal, tuned), replace(proposal.found, has_servo=False))
+    assert check.predicted is None and not check.findings
+    assert any("the prediction" in words and "lack the servo" in words for words in check.skipped)
+
+
 def test_a_drive_without_turns_is_not_judged(proposal: Proposal, tuned: Gains):
     log = driven(proposal, tuned)
     straight = replace(log, target=0.01 * log.target, actual=0.01 * log.actual)

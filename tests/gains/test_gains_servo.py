@@ -115,6 +115,7 @@ def test_without_a_command_and_a_servo_no_gains_are_computed(
     assert run([*asked, "--out", str(out)]) == 0
     said = capsys.readouterr()
     assert "No gains can be computed" in said.out and words in " ".join(said.out.split())
+    assert "gain margin" not in said.out, "the present gains have no known margin either"
     assert "there are no gains to propose" in said.err and not out.exists()
     if not origin:  # a servo does not say what was recorded
         asked[-1] = str(vehicle_file(tmp_path, servo=True))

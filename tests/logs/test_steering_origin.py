@@ -198,6 +198,11 @@ def without_origin(part: Any) -> Any:
     )
 
 
+def test_a_signal_of_another_origin_is_refused() -> None:
+    with pytest.raises(ValueError, match="'encoder'; it must be commanded, measured or unknown"):
+        Signal(np.arange(3.0), np.arange(3.0), "rad", "mine", origin="encoder")  # type: ignore[arg-type]
+
+
 def test_runs_of_both_kinds_are_named(tmp_path: Path) -> None:
     t = np.arange(0.0, 10.0, 0.1)
     one, two = (
