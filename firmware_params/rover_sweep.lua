@@ -22,12 +22,13 @@ ends, and the main loop gives steering back to the pilot. If this script dies, t
 itself after OVERRIDE_MS. After a stop the switch must go low first; so it must after boot, after arming
 and after a change of SWP_CHAN. A disarm and arm between two updates cannot be seen from Lua.
 
-A ground station that overrides RC channels writes SWP_LAPSE [s] first, and SWP_THR [us] if it drives. While
-SWP_LAPSE is not 0, RC_OVERRIDE_TIME has its value, but not in storage; what it was is kept in SWP_BACK and comes
-back. One that drives moves the steering channel by a us or two with each message. If that stays away until 0.25 s before
-SWP_LAPSE while armed, or the throttle channel is neither at SWP_THR nor at its trim, the station or its override
-is lost: the vehicle goes to HOLD (or disarms, if it cannot), before the throttle stick has the motor. The pilot
-takes it back with the mode switch. A run that the pilot drives is never put into HOLD.
+A ground station that overrides RC channels writes SWP_LAPSE [s] first, and before it SWP_THR [us] if it drives. While
+SWP_LAPSE is not 0, RC_OVERRIDE_TIME has its value, but not in storage; what it was is kept in SWP_BACK and comes back.
+One that drives moves the steering channel by a us or two with each message. If that does not come until 0.25 s before
+the override is over, or the throttle channel is neither at SWP_THR nor at its trim, or SWP_LAPSE is set to 0 while
+armed, the ground station or its override is lost: the vehicle goes to HOLD (or disarms, if it cannot), before the
+throttle stick has the motor. The pilot takes it back with the mode switch. A run that the pilot drives is never put
+into HOLD.
 
 One SWP_GO is one run: after a run for which the ground wrote a new SWP_GO, after a lost GCS, a paused script,
 or a switch that may have fallen only because an override lapsed, no run begins until SWP_GO is written anew
@@ -443,6 +444,8 @@ function laptop.enter(lapse, resumed)
     laptop.time = laptop.time or Parameter("RC_OVERRIDE_TIME")
     local now = laptop.time:get()
     laptop.on, laptop.lapse, laptop.meddled, laptop.moved = true, lapse, nil, micros()
+    laptop.map = param:get("RCMAP_THROTTLE") and Parameter("RCMAP_THROTTLE") -- takes effect at once
+    laptop.thr = parameter.THR:get() -- what somebody else writes there later does not count
     laptop.steering, laptop.throttle = laptop.channel("RCMAP_ROLL", 1), laptop.channel("RCMAP_THROTTLE", 3)
     laptop.rest = param:get(string.format("RC%d_TRIM", laptop.throttle)) or 1500
     if not resumed or now ~= lapse then
@@ -453,7 +456,7 @@ function laptop.enter(lapse, resumed)
     if laptop.missed and laptop.missed > 0.5 then
         param:set("RC_FS_TIMEOUT", 0.5)
     end
-    gcs:send_named_float("SWP_THR", parameter.THR:get())
+    gcs:send_named_float("SWP_THR", laptop.thr)
 end
 
 -- They are over, for whatever reason: none of them holds any longer, whatever RC_OVERRIDE_TIME is then.
@@ -485,10 +488,15 @@ function laptop.hold_lapse()
 end
 
 -- Why the ground station or its override is lost, or nil. One that drives shows itself on the steering channel,
--- so another station with its id, or RC_OVERRIDE_TIME, cannot stand in for it.
+-- so another station with its id, or RC_OVERRIDE_TIME, cannot stand in for it; and it disarms before it leaves.
 function laptop.lost(seen)
-    if parameter.THR:get() == 0 then
+    if not (parameter.LAPSE:get() > 0) then
+        return "it left"
+    elseif laptop.thr == 0 then
         return seen.gcs_age_ms and seen.gcs_age_ms > 1000.0 * laptop.lapse and "silent" or nil
+    end
+    if laptop.map and laptop.map:get() ~= laptop.throttle then
+        return "RCMAP"
     end
     local steering, throttle = rc:get_pwm(laptop.steering), rc:get_pwm(laptop.throttle)
     if steering ~= laptop.seen then
@@ -496,7 +504,7 @@ function laptop.lost(seen)
     elseif not (seconds_since(laptop.moved) <= laptop.lapse - laptop.MARGIN_S) then
         return "silent"
     end
-    if seen.armed and throttle ~= laptop.rest and throttle ~= parameter.THR:get() then
+    if seen.armed and throttle ~= laptop.rest and throttle ~= laptop.thr then
         return string.format("thr %d us", throttle or 0)
     end
     return nil
@@ -521,15 +529,13 @@ function laptop.watch(seen)
     local lapse = parameter.LAPSE:get()
     if lapse > 0 and not laptop.on then
         laptop.enter(math.min(lapse, 3.0))
-    elseif laptop.on and not (lapse > 0) then
-        laptop.leave()
     end
     if not laptop.on then
         return nil
     end
     laptop.hold_lapse()
     local reason = laptop.lost(seen)
-    local stops = reason and seen.armed and parameter.THR:get() > 0
+    local stops = reason and seen.armed and laptop.thr > 0
     if stops then
         laptop.stop_vehicle(reason)
     end
@@ -714,7 +720,7 @@ local function report(rate)
         gcs:send_named_float("SWP_GO", run.GO) -- whose run it is
     end
     if laptop.on then
-        gcs:send_named_float("SWP_THR", parameter.THR:get()) -- who is watched
+        gcs:send_named_float("SWP_THR", laptop.thr) -- who is watched
     end
     if whole and (state == IDLE or state == STOPPED) then
         gcs:send_named_float("SWP_DONE", whole)

@@ -85,6 +85,14 @@ def test_a_throttle_that_is_not_its_own_holds_at_once(us: int) -> None:
     assert f"SWP: run 1 stopped: laptop lost: thr {us} us" in laptop.bench.texts
 
 
+def test_a_throttle_on_another_channel_holds_at_once() -> None:
+    laptop = driven()
+    laptop.bench.parameters["RCMAP_THROTTLE"] = 2
+    laptop.drive.run(SOONEST_S)
+    assert laptop.bench.current_mode == HOLD
+    assert "SWP: run 1 stopped: laptop lost: RCMAP" in laptop.bench.texts
+
+
 def test_its_throttle_at_trim_is_its_own() -> None:
     laptop = driven()
     laptop.bench.rc[3] = TRIM
@@ -118,11 +126,31 @@ def test_disarmed_it_is_only_forgotten() -> None:
     assert not any("laptop" in text for text in laptop.bench.texts)
 
 
-def test_one_that_says_goodbye_leaves_everything_as_before() -> None:
+def test_one_that_leaves_after_disarming_leaves_everything_as_before() -> None:
     laptop = driven()
+    laptop.bench.is_armed = False
+    laptop.go(0.2)
     laptop.bench.parameters["SWP_LAPSE"] = 0.0
     laptop.drive.run(SOONEST_S)
     assert as_before(laptop.bench) and laptop.bench.current_mode == MANUAL
+
+
+def test_one_that_leaves_an_armed_rover_is_lost() -> None:
+    """Or somebody else wrote SWP_LAPSE."""
+    laptop = driven()
+    laptop.bench.parameters["SWP_LAPSE"] = 0.0
+    laptop.drive.run(SOONEST_S)
+    assert as_before(laptop.bench) and laptop.bench.current_mode == HOLD
+    assert "SWP: run 1 stopped: laptop lost: it left" in laptop.bench.texts
+
+
+def test_who_is_watched_is_not_changed_by_a_parameter() -> None:
+    laptop = driven()
+    laptop.bench.parameters["SWP_THR"] = 0.0
+    laptop.go(0.4)
+    assert laptop.bench.current_mode == MANUAL
+    laptop.drive.run(2.0)
+    assert laptop.bench.current_mode == HOLD
 
 
 def test_a_run_that_the_pilot_drives_is_never_held() -> None:
@@ -152,7 +180,7 @@ def test_an_override_time_of_somebody_else_ends_the_run_and_counts_afterwards(se
     laptop.go(0.2)
     assert have["RC_OVERRIDE_TIME"] == LAPSE and have["SWP_BACK"] == seconds
     assert f"SWP: run 1 stopped: RC_OVERRIDE_TIME set to {seconds:g}" in laptop.bench.texts
-    have["SWP_LAPSE"] = 0.0
+    laptop.bench.is_armed, have["SWP_LAPSE"] = False, 0.0
     laptop.drive.run(SOONEST_S)
     assert have["RC_OVERRIDE_TIME"] == seconds
 

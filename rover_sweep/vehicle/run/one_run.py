@@ -130,7 +130,7 @@ _OUTCOME_REPORTS = 3.0  # s: an idle applet reports its last completed run once 
 _LOST = 1.5  # s without a message
 _OF_OUR_SWITCH = "switch low"
 _NOT_RECEIVED = "the rover did not receive our override of the switch, which fell low"
-_LAPTOP_LOST = re.compile(r"laptop lost: (?:silent|thr (\d+) us)")
+_LAPTOP_LOST = re.compile(r"laptop lost: (?:silent|it left|RCMAP|thr (\d+) us)")
 
 
 def hear_outcome(
