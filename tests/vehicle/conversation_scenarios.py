@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import is_dataclass
 from pathlib import Path
 from typing import Any
+from unittest import mock
 
 from firmware_params.param_files import read
 from rover_sweep.manoeuvre.sweep import Sweep
@@ -31,8 +32,6 @@ THROTTLE_US = 1710
 
 Told = Callable[[Event], None]  # what a simulated pilot is told while it is real
 Scenario = Callable[[str, Path, Line, Told], Iterator[Any]]
-RECORDED_AS = {"SurveyedParameter": "Checked", "VehicleIdentity": "Vehicle"}
-"""Names of classes when the conversations were recorded."""
 
 
 def nobody(event: Event) -> None:
@@ -94,9 +93,10 @@ def carried_out(
 ) -> dict[str, Any]:
     """What happened, as JSON has it: events, and hashes of the files. Left out: how long it took, where the
     files lay, and what compares with the program's present applet instead of the recording's."""
-    events = [
-        _plain(event) for event in scenario(url, folder, line, told) if not isinstance(event, LogProgress)
-    ]
+    with mock.patch("rover_sweep.vehicle.run.one_run.drawn", lambda: 17):
+        events = [
+            _plain(event) for event in scenario(url, folder, line, told) if not isinstance(event, LogProgress)
+        ]
     files = {path.name: _digest(path) for path in sorted(folder.iterdir()) if path.suffix in _PARTS}
     return {"events": events, "files": files}
 
@@ -114,7 +114,7 @@ _LEFT_OUT = {
 def _plain(value: Any) -> Any:
     """A value as JSON has it; NaN as a word, since it is not equal to itself; long texts hashed."""
     if is_dataclass(value) and not isinstance(value, type):
-        name = RECORDED_AS.get(type(value).__name__, type(value).__name__)
+        name = type(value).__name__
         kept = {k: v for k, v in vars(value).items() if k not in _LEFT_OUT.get(name, ())}
         return {"": name} | {k: _plain(v) for k, v in kept.items()}
     if isinstance(value, dict):

@@ -27,7 +27,6 @@ from conversation_scenarios import (
     PARAMETERS,
     SCENARIOS,
     THROTTLE_US,
-    Update,
     carried_out,
     nobody,
 )
@@ -35,6 +34,7 @@ from transport_replayed import ReplayedLine
 
 from firmware_params.applet_parameters import applet_path
 from firmware_params.param_files import shipped
+from rover_sweep.live.source import Update
 from rover_sweep.session.simulated_rover import pilot
 from rover_sweep.vehicle.events import Event, StateChanged, SwitchWanted
 from rover_sweep.vehicle.identity import identify_vehicle

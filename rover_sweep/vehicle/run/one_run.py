@@ -115,10 +115,14 @@ def _not_at_rest(follower: Follower, settings: RunSettings) -> str:
     return ""
 
 
+def drawn() -> int:
+    """A number that no other program draws at the same time."""
+    return random.SystemRandom().randrange(1, _NUMBERS)
+
+
 def write_go(link: Link) -> int:
-    """Allow the applet one run, by a new value of SWP_GO, drawn so that no other program has the same."""
-    before = int(read_parameter(link, "SWP_GO"))
-    number = (before + random.SystemRandom().randrange(1, _NUMBERS) - 1) % _NUMBERS + 1
+    """Allow the applet one run, by a new value of SWP_GO, and return it: it says whose run it is."""
+    number = (int(read_parameter(link, "SWP_GO")) + drawn() - 1) % _NUMBERS + 1
     write_parameter(link, "SWP_GO", float(number))
     return number
 

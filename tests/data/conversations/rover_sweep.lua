@@ -1,6 +1,6 @@
 --[[
 Frequency sweep, doublets, multisine, or a sweep about a steering bias, on the steering of an ArduPilot rover
-(4.5, 4.6), for identification.
+(4.5, 4.6), or a frequency sweep on its throttle, for identification.
 
 Switch 6 (RC6_OPTION 300, or MAV_CMD_DO_AUX_FUNCTION 300) thrown high while armed in MANUAL starts a run:
   1 stand still for SWP_STILL s    2 the pilot brings the rover into SWP_V_MIN..SWP_V_MAX for 1 s
@@ -11,11 +11,24 @@ that it passes through 2 in any case. Steering is overridden in states 3 to 8 an
 keeps the throttle throughout. Thrown while moving in the band with the stick centred, the switch leads
 straight to 3 (a multisine: to 2).
 
+A throttle sweep (SWP_TYPE 4) overrides the throttle in states 3 to 8 in the same way, about the throttle that
+the pilot holds when 3 begins; the pilot keeps the steering. It never passes the motor's neutral PWM. Its stops
+are those of the other runs, but it ends when the throttle stick moves, not the steering stick. With the stick
+the motor is the pilot's again at the next main loop. It is logged as SWET, so nothing takes it for steering.
+
 Switch low, disarm, any mode but MANUAL, RC or GCS loss, SWP_ENABLE 0, the steering stick moved, a limit
 passed, another servo that steers, or this script paused for longer than its override lasts: the override
 ends, and the main loop gives steering back to the pilot. If this script dies, the override runs out by
 itself after OVERRIDE_MS. After a stop the switch must go low first; so it must after boot, after arming
 and after a change of SWP_CHAN. A disarm and arm between two updates cannot be seen from Lua.
+
+A ground station that overrides RC channels writes SWP_LAPSE [s] first, and before it SWP_THR [us] if it drives. While
+SWP_LAPSE is not 0, RC_OVERRIDE_TIME has its value, but not in storage; what it was is kept in SWP_BACK and comes back.
+One that drives moves the steering channel by a us or two with each message. If that does not come until 0.25 s before
+the override is over, or the throttle channel is neither at SWP_THR nor at its trim, or SWP_LAPSE is set to 0 while
+armed, the ground station or its override is lost: the vehicle goes to HOLD (or disarms, if it cannot), before the
+throttle stick has the motor. The pilot takes it back with the mode switch. A run that the pilot drives is never put
+into HOLD.
 
 One SWP_GO is one run: after a run for which the ground wrote a new SWP_GO, after a lost GCS, a paused script,
 or a switch that may have fallen only because an override lapsed, no run begins until SWP_GO is written anew
@@ -26,14 +39,14 @@ single floats.
 "Source" below is ArduPilot at Rover-4.6.3, with Rover-4.5.7 compared.
 ]]
 
-local VERSION = "1.3"
+local VERSION = "1.5"
 local TABLE_KEY = 158 -- used by no script that ships with 4.5 or 4.6
 local PREFIX = "SWP_"
 
 -- Name, default, lowest, highest. The same table, with units and meaning, is in parameters.py.
 local PARAMETERS = {
     { "ENABLE", 1, 0, 1 },
-    { "TYPE", 0, 0, 3 },
+    { "TYPE", 0, 0, 4 },
     { "AMP", 150, 1, 500 },
     { "WMIN", 0.3, 0.05, 50 },
     { "WMAX", 25, 0.1, 100 },
@@ -56,6 +69,10 @@ local PARAMETERS = {
     { "RUN", 0, 0, 65535 },
     { "BIAS", 0, -400, 400 }, -- new ones at the end: the place in this table is the parameter's key
     { "GO", 0, 0, 65535 },
+    { "THR", 0, 0, 2000 },
+    { "LAPSE", 0, 0, 3 },
+    { "BACK", 3, -1, 3600 },
+    { "VER", 0, 0, 100 },
 }
 
 local PERIOD_MS = 10 -- gives 85 Hz on 4.5.7 and 4.6.3; 72 ms was the longest gap on an idle machine, at loop 50
@@ -84,10 +101,10 @@ end
 -- The first call that is needed and not there, by name. A missing method reads as nil (source: generator).
 local function missing_call()
     local needed = {
-        { param, "param", "add_table", "add_param", "get", "set_and_save" },
-        { rc, "rc", "get_pwm", "get_aux_cached", "has_valid_input" },
-        { arming, "arming", "is_armed" },
-        { vehicle, "vehicle", "get_mode" },
+        { param, "param", "add_table", "add_param", "get", "set", "set_and_save" },
+        { rc, "rc", "get_pwm", "get_aux_cached", "has_valid_input", "get_channel", "find_channel_for_option" },
+        { arming, "arming", "is_armed", "disarm" },
+        { vehicle, "vehicle", "get_mode", "set_mode" },
         { SRV_Channels, "SRV_Channels", "find_channel", "set_output_pwm_chan_timeout" },
         { ahrs, "ahrs", "get_gyro", "get_velocity_NED" },
         { logger, "logger", "write" },
@@ -117,12 +134,12 @@ local function roll_rad()
     return ahrs:get_roll()
 end
 
--- NaN where that channel steers no more: get_output_pwm would tell the PWM of another servo.
-local function output_pwm(channel)
-    if SRV_Channels:find_channel(STEERING) ~= channel then
+-- NaN where that channel has lost its function: get_output_pwm would tell the PWM of another servo.
+local function output_pwm(channel, servo)
+    if SRV_Channels:find_channel(servo) ~= channel then
         return UNKNOWN
     elseif SRV_Channels.get_output_pwm then
-        return SRV_Channels:get_output_pwm(STEERING) or UNKNOWN
+        return SRV_Channels:get_output_pwm(servo) or UNKNOWN
     end
     return SRV_Channels:get_output_pwm_chan(channel) or UNKNOWN
 end
@@ -267,6 +284,8 @@ do
         [1] = { name = "doublet", at = doublet },
         [MULTISINE] = { name = "multisine", at = faded(multisine), prepared = find_peak },
         [BIAS_SWEEP] = { name = "bias sweep", at = faded(bias_sweep) },
+        -- `prepared`: never straight from the switch, as the stick has to be held for a second first
+        [4] = { name = "throttle sweep", at = faded(sweep), prepared = function() return true end },
     }
 end
 
@@ -401,6 +420,131 @@ function go.ended(ended, seen, reason)
     end
 end
 
+---------------------------------------------------------------- a ground station that overrides
+
+local laptop = {
+    on = false, -- SWP_LAPSE was written and is in force
+    seen = nil, -- value of the steering channel [us], which moved at `moved`
+    moved = uint32_t(0),
+    meddled = nil, -- RC_OVERRIDE_TIME as somebody else set it meanwhile
+    time = nil, -- the parameter RC_OVERRIDE_TIME
+    MARGIN_S = 0.25, -- HOLD comes so long before the override is over; an update may be 72 ms late
+    HOLD = 4, -- mode
+}
+
+-- The RC channel that a parameter names.
+function laptop.channel(name, usual)
+    local number = channel_number(param:get(name) or usual)
+    return number and number >= 1 and number or usual
+end
+
+-- Its overrides begin. What they lapse after is set in RAM only, so a reboot has the old value as well. resumed:
+-- this script starts while they are in force, so that SWP_BACK has the old value already.
+function laptop.enter(lapse, resumed)
+    laptop.time = laptop.time or Parameter("RC_OVERRIDE_TIME")
+    local now = laptop.time:get()
+    laptop.on, laptop.lapse, laptop.meddled, laptop.moved = true, lapse, nil, micros()
+    laptop.map = param:get("RCMAP_THROTTLE") and Parameter("RCMAP_THROTTLE") -- takes effect at once
+    laptop.thr = parameter.THR:get() -- what somebody else writes there later does not count
+    laptop.steering, laptop.throttle = laptop.channel("RCMAP_ROLL", 1), laptop.channel("RCMAP_THROTTLE", 3)
+    laptop.rest = param:get(string.format("RC%d_TRIM", laptop.throttle)) or 1500
+    if not resumed or now ~= lapse then
+        parameter.BACK:set_and_save(now)
+    end
+    laptop.time:set(lapse)
+    laptop.missed = param:get("RC_FS_TIMEOUT") -- since 4.7; before it is 0.5 s
+    if laptop.missed and laptop.missed > 0.5 then
+        param:set("RC_FS_TIMEOUT", 0.5)
+    end
+    gcs:send_named_float("SWP_THR", laptop.thr)
+end
+
+-- They are over, for whatever reason: none of them holds any longer, whatever RC_OVERRIDE_TIME is then.
+function laptop.leave()
+    local switch = channel_number(parameter.CHAN:get()) or 0
+    local channels = { rc:get_channel(laptop.throttle), rc:get_channel(laptop.steering) }
+    channels[3] = switch > 0 and rc:get_channel(switch) or rc:find_channel_for_option(AUX_FUNCTION)
+    for _, channel in ipairs(channels) do
+        channel:set_override(0)
+    end
+    laptop.time:set(parameter.BACK:get())
+    if laptop.missed then
+        param:set("RC_FS_TIMEOUT", laptop.missed)
+    end
+    parameter.LAPSE:set_and_save(0)
+    parameter.THR:set_and_save(0)
+    laptop.on = false
+    gcs:send_named_float("SWP_THR", 0)
+end
+
+-- Whoever sets RC_OVERRIDE_TIME meanwhile gets it afterwards; until then it would outlast the ground station.
+function laptop.hold_lapse()
+    local now = laptop.time:get()
+    if math.abs(now - laptop.lapse) > 0.001 then
+        laptop.meddled = now
+        parameter.BACK:set_and_save(now)
+        laptop.time:set(laptop.lapse)
+    end
+end
+
+-- Why the ground station or its override is lost, or nil. One that drives shows itself on the steering channel,
+-- so another station with its id, or RC_OVERRIDE_TIME, cannot stand in for it; and it disarms before it leaves.
+function laptop.lost(seen)
+    if not (parameter.LAPSE:get() > 0) then
+        return "it left"
+    elseif laptop.thr == 0 then
+        return seen.gcs_age_ms and seen.gcs_age_ms > 1000.0 * laptop.lapse and "silent" or nil
+    end
+    if laptop.map and laptop.map:get() ~= laptop.throttle then
+        return "RCMAP"
+    end
+    local steering, throttle = rc:get_pwm(laptop.steering), rc:get_pwm(laptop.throttle)
+    if steering ~= laptop.seen then
+        laptop.seen, laptop.moved = steering, micros()
+    elseif not (seconds_since(laptop.moved) <= laptop.lapse - laptop.MARGIN_S) then
+        return "silent"
+    end
+    if seen.armed and throttle ~= laptop.rest and throttle ~= laptop.thr then
+        return string.format("thr %d us", throttle or 0)
+    end
+    return nil
+end
+
+-- HOLD stops the motor and centres the steering whatever the sticks say, and the log goes on; the pilot can drive
+-- the rover home. It needs no position (source: mode_hold.cpp) and comes at once, in 4.5.7, 4.6.3 and 4.8-dev.
+function laptop.stop_vehicle(reason)
+    vehicle:set_mode(laptop.HOLD)
+    local held = vehicle:get_mode() == laptop.HOLD
+    if not held then
+        arming:disarm()
+    end
+    say(CRITICAL, "laptop lost (%s): %s", reason, held and "HOLD" or "disarmed")
+    if held then
+        say(CRITICAL, "the mode switch gives you the rover")
+    end
+end
+
+-- Looks after all this; the reason, when the vehicle was stopped because the laptop is lost.
+function laptop.watch(seen)
+    local lapse = parameter.LAPSE:get()
+    if lapse > 0 and not laptop.on then
+        laptop.enter(math.min(lapse, 3.0))
+    end
+    if not laptop.on then
+        return nil
+    end
+    laptop.hold_lapse()
+    local reason = laptop.lost(seen)
+    local stops = reason and seen.armed and laptop.thr > 0
+    if stops then
+        laptop.stop_vehicle(reason)
+    end
+    if reason then
+        laptop.leave()
+    end
+    return stops and "laptop lost: " .. reason or nil
+end
+
 ---------------------------------------------------------------- refusing and stopping
 
 local function read_parameters()
@@ -451,31 +595,60 @@ local function refuse_parameters(v)
     return v.TYPE == MULTISINE and refuse_lines(v) or nil
 end
 
--- Where the steering servo is and what it may do, added to the run; or why not.
+-- What a run overrides: SERVOn_FUNCTION, words, the RC channel of its stick [us from where it may be], log message.
+local AXES = {
+    steering = { servo = STEERING, name = "steering", lost = "steers", map = "RCMAP_ROLL", usual = 1, moved = STICK_MOVED_US, message = "SWEP" },
+    -- a small movement of the throttle stick must stop: full stop may be 80 us away
+    throttle = { servo = 70, name = "throttle", lost = "drives", map = "RCMAP_THROTTLE", usual = 3, held = 20, moved = 50, message = "SWET" },
+}
+
+-- Where the servo is and what it may do, added to the run; or why not.
 local function refuse_servo(v)
-    local channel = SRV_Channels:find_channel(STEERING)
+    v.axis = v.TYPE == 4 and AXES.throttle or AXES.steering
+    v.servo = v.axis.servo
+    local channel = SRV_Channels:find_channel(v.servo)
     if not channel then
-        return "no servo has function 26 (steering)"
+        return string.format("no servo has function %d (%s)", v.servo, v.axis.name)
     end
     local name = string.format("SERVO%d_", channel + 1)
     local trim, low, high = param:get(name .. "TRIM"), param:get(name .. "MIN"), param:get(name .. "MAX")
     if not (trim and low and high) then
         return name .. "TRIM, MIN, MAX unknown"
     end
+    v.channel, v.trim = channel, trim
+    if v.axis.held then -- its middle is not known before the pilot drives: AXES.hold
+        v.neutral, v.least, v.most = trim, low, high
+        return nil
+    end
     local centre = trim + middle(v) -- a bias sweep begins and ends at the trim
     if not (math.min(trim, centre - v.AMP) >= low and math.max(trim, centre + v.AMP) <= high) then
         return string.format("PWM %g+-%g not in %g..%g", centre, v.AMP, low, high)
     end
-    v.channel, v.trim = channel, trim
     v.low, v.high = math.max(low, trim - v.PWM_MAX), math.min(high, trim + v.PWM_MAX)
     return nil
 end
 
--- Where the pilot's steering stick is, added to the run; or why not.
+-- The middle of a throttle sweep, which the pilot holds now, and its limits, added to the run; or why not.
+-- It stays on his side of neutral: no sweep drives a rover backwards, or brakes with the motor.
+function AXES.hold(v)
+    local centre = output_pwm(v.channel, v.servo)
+    local low, high = v.neutral, v.most
+    if centre < v.neutral then
+        low, high = v.least, v.neutral
+    end
+    if not (centre - v.AMP >= low and centre + v.AMP <= high) then
+        return string.format("%.0f+-%g not in %g..%g", centre, v.AMP, low, high)
+    end
+    v.trim = centre
+    v.low, v.high = math.max(low, centre - v.PWM_MAX), math.min(high, centre + v.PWM_MAX)
+    return nil
+end
+
+-- Where the pilot's stick is, added to the run; or why not.
 local function refuse_stick(v)
-    v.stick_channel = channel_number(param:get("RCMAP_ROLL") or 1)
+    v.stick_channel = channel_number(param:get(v.axis.map) or v.axis.usual)
     if not v.stick_channel or v.stick_channel < 1 then
-        return "RCMAP_ROLL outside 1 to 16"
+        return v.axis.map .. " outside 1 to 16"
     end
     v.stick_trim = param:get(string.format("RC%d_TRIM", v.stick_channel)) or 1500
     return nil
@@ -497,7 +670,7 @@ local function refuse_vehicle(v, seen)
     return nil
 end
 
--- Steering stick from its trim [us]; NaN where the channel has no value.
+-- Steering stick from its trim, throttle stick from where it was held [us]; NaN where the channel has no value.
 local function stick_off(v)
     local stick = rc:get_pwm(v.stick_channel)
     return stick and math.abs(stick - v.stick_trim) or UNKNOWN
@@ -516,15 +689,16 @@ local function reason_to_stop(v, seen)
     if not seen.rc_valid then return "RC lost" end
     if v.GCS > 0 and not (seen.gcs_age_ms <= GCS_LOST_MS) then return "GCS lost" end
     if not (parameter.ENABLE:get() >= 1) then return string.format("SWP_ENABLE is %g", parameter.ENABLE:get()) end
-    if SRV_Channels:find_channel(STEERING) ~= v.channel then return string.format("SERVO%d steers no more", v.channel + 1) end
+    if laptop.on and laptop.meddled then return string.format("RC_OVERRIDE_TIME set to %g", laptop.meddled) end
+    if SRV_Channels:find_channel(v.servo) ~= v.channel then return string.format("SERVO%d %s no more", v.channel + 1, v.axis.lost) end
     return nil
 end
 
 -- The same for what matters only while this script steers, or is about to. The output is the pilot's until then.
 local function limit_passed(v, seen)
-    local off, roll, p, r = math.abs(output_pwm(v.channel) - v.trim), math.abs(seen.roll), math.abs(seen.p), math.abs(seen.r)
-    if v.steered and not (off <= v.PWM_MAX) then return over("steering", off, v.PWM_MAX, "us") end
-    if not (stick_off(v) <= STICK_MOVED_US) then return "steering stick moved" end
+    local off, roll, p, r = math.abs(output_pwm(v.channel, v.servo) - v.trim), math.abs(seen.roll), math.abs(seen.p), math.abs(seen.r)
+    if v.steered and not (off <= v.PWM_MAX) then return over(v.axis.name, off, v.PWM_MAX, "us") end
+    if not (stick_off(v) <= v.axis.moved) then return v.axis.name .. " stick moved" end
     if not (roll <= v.ROLL_MAX) then return over("roll", roll, v.ROLL_MAX, "deg") end
     if not (p <= v.P_MAX) then return over("roll rate", p, v.P_MAX, "deg/s") end
     if not (r <= v.R_MAX) then return over("yaw rate", r, v.R_MAX, "deg/s") end
@@ -542,6 +716,12 @@ local function report(rate)
     gcs:send_named_float("SWP_ST", state)
     gcs:send_named_float("SWP_W", rate)
     gcs:send_named_float("SWP_RUN", run and run.number or parameter.RUN:get())
+    if run then
+        gcs:send_named_float("SWP_GO", run.GO) -- whose run it is
+    end
+    if laptop.on then
+        gcs:send_named_float("SWP_THR", laptop.thr) -- who is watched
+    end
     if whole and (state == IDLE or state == STOPPED) then
         gcs:send_named_float("SWP_DONE", whole)
     end
@@ -553,10 +733,10 @@ local function enter(new_state, rate)
     report(rate or 0.0)
 end
 
--- One SWEP message. `wanted` is the PWM before rounding; where the pilot steers there is no wish but his.
+-- One SWEP or SWET message. `wanted` is the PWM before rounding; where the pilot steers there is no wish but his.
 local function log(seen, t, wanted)
-    local out = output_pwm(run.channel)
-    logger:write("SWEP", "Run,St,T,Cmd,Out,VN,VE", "HBfffff", "--sYYnn", "--00000",
+    local out = output_pwm(run.channel, run.servo)
+    logger:write(run.axis.message, "Run,St,T,Cmd,Out,VN,VE", "HBfffff", "--sYYnn", "--00000",
         run.number, state, t, wanted or out, out, seen.vn, seen.ve)
 end
 
@@ -578,10 +758,14 @@ end
 
 -- Steering is the pilot's at the next main loop: a timeout of 0 lets calc_pwm recompute the output
 -- (source: SRV_Channels.cpp; seen within one loop on 4.5.7 and 4.6.3). Disarmed, nothing is sent and the
--- last override runs out (seen after 90 to 100 ms). A servo that steers no more is left at trim.
+-- last override runs out (seen after 90 to 100 ms), but a motor is set to neutral. A servo that steers no more
+-- is left at trim, a motor at neutral.
 local function release()
-    local out = output_pwm(run.channel)
-    override(out == out and out or run.trim, 0)
+    local out, rest = output_pwm(run.channel, run.servo), run.neutral or run.trim
+    override(out == out and out or rest, 0)
+    if run.neutral and not arming:is_armed() then
+        SRV_Channels:set_output_pwm_chan_timeout(run.channel, math.floor(run.neutral + 0.5), 0)
+    end
 end
 
 local function stop(seen, reason)
@@ -607,6 +791,9 @@ end
 -- Nothing goes out before the limits were looked at: one override alone holds for OVERRIDE_MS.
 local function start_override(seen)
     local reason = limit_passed(run, seen)
+    if not reason and run.neutral then
+        reason = AXES.hold(run)
+    end
     if reason then
         stop(seen, reason)
         return
@@ -628,6 +815,11 @@ end
 
 -- A run does not start against a stick that is held off centre; the pilot is told once.
 local function stick_centred()
+    if run.neutral then -- a throttle stick has to be held where it is
+        local held = stick_off(run) <= run.axis.held
+        run.stick_trim = held and run.stick_trim or rc:get_pwm(run.stick_channel) or UNKNOWN
+        return held
+    end
     if stick_off(run) <= STICK_CENTRED_US then
         return true
     elseif not run.asked_for_centre then
@@ -717,7 +909,7 @@ end
 local function end_override(seen)
     release()
     if run.STILL > 0 then
-        say(INFO, "run %d steering is yours: stop", run.number)
+        say(INFO, "run %d %s is yours: stop", run.number, run.axis.name)
         enter(STILL_AFTER)
     else
         done(seen)
@@ -787,6 +979,10 @@ local function update()
     local seen = look(source)
     watch_switch(source, seen.armed)
     go.watch(seen)
+    local lost = laptop.watch(seen)
+    if lost and state > IDLE and state < STILL_AFTER then
+        stop(seen, lost)
+    end
     if state == IDLE then
         idle(seen)
         if overriding() then
@@ -822,15 +1018,19 @@ local function add_parameters()
         parameter[p[1]] = Parameter(PREFIX .. p[1])
     end
     go.used = parameter.GO:get()
+    parameter.VER:set(tonumber(VERSION))
+    if parameter.LAPSE:get() > 0 then
+        laptop.enter(math.min(parameter.LAPSE:get(), 3.0), true)
+    end
     return nil
 end
 
-local missing = missing_call()
-if missing then
-    say(CRITICAL, "no %s", missing)
+local trouble = missing_call()
+if trouble then
+    say(CRITICAL, "no %s", trouble)
     return
 end
-local trouble = add_parameters()
+trouble = add_parameters()
 if trouble then
     say(CRITICAL, "refused: %s", trouble)
     return
