@@ -83,9 +83,8 @@ def killed(url: str, vehicle: Path, folder: Path, at: float, sizes: dict[Path, i
             link.command(ARM, 0.0, FORCE)
             link.wait_for("HEARTBEAT", 3.0, lambda _: not link.armed)
         pump(link, 1.0)
-    now = {path: path.stat().st_size for path in folder.glob("*.tlog")}
-    wrong += [f"{path.name} shrank" for path, size in sizes.items() if now.get(path, 0) < size]
-    sizes.update(now)
+    wrong += [f"{path.name} shrank" for path, size in sizes.items() if path.stat().st_size < size]
+    sizes.update((path, path.stat().st_size) for path in folder.glob("*.tlog"))
     return Kill(at, armed, speed, tuple(wrong))
 
 
@@ -112,7 +111,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
         vehicle.write_bytes(subprocess.run(example, check=True, capture_output=True).stdout)
         settings = [
             "--applet",
-            *(o for p in ("SCR_ENABLE=1", "SCHED_LOOP_RATE=100") for o in ("--parameter", p)),
+            *(
+                o
+                for p in ("SCR_ENABLE=1", "SCHED_LOOP_RATE=100", "RC6_OPTION=300")
+                for o in ("--parameter", p)
+            ),
         ]
         with start_embedded(Path(home) / "rover", speedup=1.0, options=settings) as rover:
             for number in range(options.kills):
