@@ -426,3 +426,44 @@ def test_date_times(cell: str, seconds: float | None) -> None:
     assert (found is None) == (cell == "14")
     if seconds:
         assert found == seconds
+
+
+@pytest.mark.parametrize(
+    ("stamp", "wrong"),
+    [
+        ("2023-02-29 10:00:{:02d}", "there is no date 2023-02-29"),
+        ("2023-13-05 10:00:{:02d}", "there is no date 2023-13-05"),
+        ("2023-13-13 10:00:{:02d}", "there is no date 2023-13-13"),
+        ("2023-00-10 10:00:{:02d}", "there is no date 2023-00-10"),
+        ("31.02.2023 10:00:{:02d}", "there is no date 31.02.2023"),
+        ("2023-02-03 25:10:{:02d}", "there is no time 25:10:04"),
+        ("2023-02-03 10:61:{:02d}", "there is no time 10:61:04"),
+    ],
+)
+@pytest.mark.parametrize("command", ["columns", "coherence"])
+def test_a_time_that_does_not_exist_is_refused_with_its_row(tmp_path, stamp, wrong, command):
+    """From the fifth row on, as after a clock that was set wrong."""
+    whole = "2023-02-03 09:59:{:02d}"
+    rows = [f"{(stamp if n > 3 else whole).format(n)},{n % 7},{n % 5}" for n in range(40)]
+    path = tmp_path / "drive.csv"
+    path.write_text("\n".join(["time,steering,yaw_rate", *rows]), encoding="utf-8")
+    shown = CliRunner().invoke(cli, [command, str(path)])
+    assert isinstance(shown.exception, DataRefused), shown.exception
+    said = str(shown.exception)
+    assert said.startswith("drive.csv: column time has") and f"in row 5, but {wrong};" in said, said
+
+
+@pytest.mark.parametrize(
+    ("cell", "later", "seconds"),
+    [
+        ("2016-12-31 23:59:59.5", "2016-12-31 23:59:60.5", 1.0),  # a leap second
+        ("2023-02-03 23:59:59", "2023-02-03 24:00:00", 1.0),
+        ("2024-02-28 23:59:59", "2024-02-29 00:00:00", 1.0),
+        ("12/31/2023 23:59:59", "01/01/2024 00:00:00", 1.0),
+        ("23:59:59", "25:00:00", 3601.0),  # hours since a start
+        ("0000-00-00 00:00:01", "0000-00-00 00:00:02", 1.0),  # a clock that was not set
+    ],
+)
+def test_times_that_exist_are_read(cell: str, later: str, seconds: float) -> None:
+    first, second = seconds_of(cell), seconds_of(later)
+    assert first is not None and second is not None and second - first == seconds

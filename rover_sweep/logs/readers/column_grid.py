@@ -18,7 +18,7 @@ from rover_sweep.data.recording import Array
 from rover_sweep.logs.log import increasing
 from rover_sweep.logs.readers.column_map import FACTORS, heading_of, slope
 from rover_sweep.logs.readers.column_names import is_degrees, name_weight, says_anything, unit_in, words_of
-from rover_sweep.logs.readers.tables import FEWEST_ROWS, RecordedTable, TableStream, times_in
+from rover_sweep.logs.readers.tables import FEWEST_ROWS, RecordedTable, TableStream
 
 GRID_HZ, LONGEST = 20.0, 16_000  # of the common grid on which columns are compared; samples
 SMOOTH_HZ = 2.0
@@ -77,8 +77,8 @@ def _clock_of(stream: TableStream) -> Clock | None:
 
 def _as_clock(stream: TableStream, name: str) -> tuple[float, Clock] | None:
     """(how well, the clock) of a column that may be the time."""
-    cells, weight = stream[name], name_weight("time", name)
-    if (t := times_in(cells)) is not None:
+    weight = name_weight("time", name)
+    if (t := stream.times(name)) is not None:
         if not _rises(t) or np.mean(np.diff(t[np.isfinite(t)]) > 0) < 0.05:  # of trials, or of whole seconds
             return None
         return 2.0 + weight, _clock(t, name, "certain", f"date-times, {_rate(t)}")

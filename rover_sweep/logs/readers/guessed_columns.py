@@ -50,7 +50,7 @@ from rover_sweep.logs.readers.motion_columns import (
     speed_is_known,
     yaw_rate_of,
 )
-from rover_sweep.logs.readers.tables import FEWEST_ROWS, RecordedTable, times_in
+from rover_sweep.logs.readers.tables import FEWEST_ROWS, RecordedTable
 
 NAMED = 0.7  # weight of a name that says the role
 LAGS = range(-4, 13)  # steps of the grid from steering to yaw rate
@@ -161,7 +161,7 @@ def _obstacle(table: RecordedTable, grid: ColumnGrid) -> str:
             "in one unit?"
         )
     for name in (n for n in table.header if not grid.clocks and name_weight("time", n) >= 0.6):
-        dates = times_in(table.of(name)[name])
+        dates = table.of(name).times(name)
         t = table.of(name).numbers(name) if dates is None else dates
         if t is not None and (back := disorder(f"column {name}", t)):
             return back

@@ -28,7 +28,7 @@ from rover_sweep.logs.readers.column_map import (
     read_column_map,
     slope,
 )
-from rover_sweep.logs.readers.tables import RecordedTable, TableStream, is_number, read_table, times_in
+from rover_sweep.logs.readers.tables import RecordedTable, TableStream, is_number, read_table
 
 NEEDED = {"pwm", "delta", "r", "speed"}
 SIGN_CHANGES = {"r", "ay", "vy", "psi", "delta"}  # between FRD and ISO axes
@@ -130,7 +130,7 @@ def _times(table: RecordedTable, stream: TableStream, clocks: Sequence[StreamClo
             )
         return np.arange(len(stream)) / even.rate, "even samples"
     name = own.column.names[0]
-    if (dates := times_in(stream[name])) is not None:
+    if (dates := stream.times(name)) is not None:
         return dates, f"column {name}"
     time = (_numbers(table, name) - own.column.offset) * own.column.scale
     if own.nanoseconds:

@@ -33,13 +33,14 @@ class TableStream:
     """Columns that were recorded together: names, and for each its (n,) numbers or, of a .csv, its cells.
 
     time: (n,) s on the recording's clock; None where the file does not say which column is the time.
-    parsed: the columns that were asked for as numbers.
+    parsed, dated: the columns that were asked for as numbers, and as times.
     """
 
     names: tuple[str, ...]
     cells: tuple[Array | list[str], ...]
     time: Array | None = None
     parsed: dict[str, Array | None] = field(default_factory=dict)
+    dated: dict[str, Array | None] = field(default_factory=dict)
 
     def __contains__(self, column: str) -> bool:
         return column in self.names
@@ -56,6 +57,22 @@ class TableStream:
             cells = self[column]
             self.parsed[column] = _floats(cells) if isinstance(cells, list) else cells
         return self.parsed[column]
+
+    def times(self, column: str) -> Array | None:
+        """(n,) s of a column of date-times, nan where it is empty; None where it has other cells.
+
+        DataRefused for a date that does not exist, or has no such time.
+        """
+        if column not in self.dated:
+            cells = self[column]
+            try:
+                self.dated[column] = _times(cells) if isinstance(cells, list) else None
+            except _NoSuchTime as wrong:
+                raise DataRefused(
+                    f"column {column} has {wrong.cell.strip()[:40]!r} in row {wrong.row}, but {wrong.why}; "
+                    "correct that row, or remove it"
+                ) from None
+        return self.dated[column]
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,10 +132,20 @@ def _read(path: Path) -> RecordedTable:
     read = READERS["bag" if folder else path.suffix.lower()]
     notes: list[Note] = []
     streams = tuple(read(path, notes))
+    _refuse_impossible_dates(path.name, streams)
     files = sorted(p for p in path.iterdir() if p.is_file()) if folder else [path]
     if not streams:
         raise DataRefused(f"{path.name} holds no series of at least {FEWEST_ROWS} numbers")
     return RecordedTable(path.name, path.stem, streams, tuple(map(source_of, files)), tuple(notes))
+
+
+def _refuse_impossible_dates(name: str, streams: Sequence[TableStream]) -> None:
+    for stream in streams:
+        for column in stream.names:
+            try:
+                stream.times(column)
+            except DataRefused as refusal:
+                raise DataRefused(f"{name}: {refusal}") from None
 
 
 def _library(name: str, what: str) -> Any:
@@ -224,40 +251,72 @@ def is_number(cell: str) -> bool:
 
 
 def is_value(cell: str) -> bool:
-    """True for a number or a date with a time of day; an empty cell is none."""
-    return bool(cell.strip()) and (is_number(cell) or seconds_of(cell) is not None)
+    """True for a number or a date with a time of day, existing or not; an empty cell is none."""
+    return bool(cell.strip()) and (is_number(cell) or _STAMP.match(cell) is not None)
 
 
 _DATE = r"(?:(?P<day>\d{4}\D\d{1,2}\D\d{1,2}|\d{1,2}\D\d{1,2}\D\d{4})[T\s_,-]+)?"
 _STAMP = re.compile(rf"\s*{_DATE}(?P<h>\d{{1,2}})[:_-](?P<m>\d\d)[:_-](?P<s>\d\d)(?:[.,_:](?P<f>\d+))?")
 
 
+class _NoSuchTime(ValueError):
+    """A cell that is written like a date-time, and is none. why: a clause; row: from 1, below the header."""
+
+    def __init__(self, cell: str, why: str, row: int = 0) -> None:
+        super().__init__(why)
+        self.cell, self.why, self.row = cell, why, row
+
+
 def seconds_of(cell: str) -> float | None:
     """Seconds of a date-time such as 2024-04-23 13:34:01.638, or of a time of day; None for anything else.
 
-    They count from the date 0001-01-01, without a time zone.
+    They count from the date 1970-01-01, without a time zone. ValueError for a date, or a time after a date,
+    that does not exist; second 60 is a leap second. Hours without a date may be those since a start.
     """
     found = _STAMP.match(cell)
     if not found:
         return None
-    day = 0
-    if found["day"]:
-        parts = [int(part) for part in re.split(r"\D", found["day"])]
-        year, month, date = parts if parts[0] > 31 else (parts[2], parts[1], parts[0])
-        month, date = (month, date) if month <= 12 else (date, month)
-        day = int(np.datetime64(f"{year:04d}-{month:02d}-{date:02d}").astype(int)) if month and date else 0
-    clock = 3600 * int(found["h"]) + 60 * int(found["m"]) + int(found["s"])
-    return 86400.0 * day + clock + (float(f"0.{found['f']}") if found["f"] else 0.0)
+    hours, minutes, seconds = int(found["h"]), int(found["m"]), int(found["s"])
+    clock = 3600 * hours + 60 * minutes + seconds
+    possible = minutes < 60 and seconds <= 60
+    fraction = float(f"0.{found['f']}") if found["f"] else 0.0
+    if not found["day"]:
+        return clock + fraction if possible else None
+    if not possible or clock > 86400:  # 24:00:00 exists, and the leap second before it
+        raise _NoSuchTime(cell, f"there is no time {found['h']}:{found['m']}:{found['s']}")
+    return 86400.0 * _day(cell, found["day"]) + clock + fraction
 
 
-def times_in(cells: Array | list[str]) -> Array | None:
-    """(n,) s of cells that are date-times, nan where they are empty; None where they are anything else."""
-    if not isinstance(cells, list) or all(seconds_of(c) is None for c in cells[:FEWEST_ROWS]):
+def _day(cell: str, text: str) -> int:
+    """Days since 1970 of year-month-day, day-month-year or month-day-year; 0 for a clock without a date."""
+    parts = [int(part) for part in re.split(r"\D", text)]
+    if not any(parts):
+        return 0
+    year_first = re.match(r"\d{4}", text) is not None
+    year, month, date = parts if year_first else (parts[2], parts[1], parts[0])
+    if month > 12 and not year_first:
+        month, date = date, month
+    try:
+        return int(np.datetime64(f"{year:04d}-{month:02d}-{date:02d}").astype(int))
+    except ValueError:
+        raise _NoSuchTime(cell, f"there is no date {text}") from None
+
+
+def _times(cells: list[str]) -> Array | None:
+    if not any(map(_STAMP.match, cells[:FEWEST_ROWS])):
         return None
-    found = [seconds_of(cell) for cell in cells]
-    if any(s is None and cell.strip() for s, cell in zip(found, cells, strict=True)):
+    if any(cell.strip() and not _STAMP.match(cell) for cell in cells):
         return None
-    return np.array([np.nan if s is None else s for s in found])
+    found = np.full(len(cells), np.nan)
+    for k, cell in enumerate(cells):
+        try:
+            seconds = seconds_of(cell)
+        except _NoSuchTime as wrong:
+            raise _NoSuchTime(wrong.cell, wrong.why, k + 1) from None
+        if seconds is None and cell.strip():
+            return None
+        found[k] = np.nan if seconds is None else seconds
+    return found
 
 
 def _parquet(path: Path, notes: list[Note]) -> Iterator[TableStream]:
