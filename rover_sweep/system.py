@@ -61,7 +61,7 @@ def hold_folder(folder: Path) -> int:
         if fcntl is not None:
             held = os.open(folder, os.O_RDONLY)
         elif msvcrt is not None:
-            held = os.open(folder / ".lock", os.O_RDWR | os.O_CREAT)
+            held = os.open(folder / ".lock", os.O_RDWR | os.O_CREAT, 0o666)
     if held < 0:
         return held
     try:

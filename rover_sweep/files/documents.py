@@ -10,7 +10,6 @@ import json
 import os
 import re
 import sys
-import tempfile
 import tomllib
 from collections.abc import Callable, Iterable, Iterator
 from itertools import count
@@ -162,19 +161,16 @@ def _escape(match: re.Match[str]) -> str:
 
 
 def write_file(path: Path, content: str | bytes) -> Path:
-    """Replaces a file in one step; UsageError when it cannot be written."""
+    """Replaces a file in one step, with the mode of the umask; UsageError when it cannot be written."""
     data = content.encode("utf-8") if isinstance(content, str) else content
-    temporary = ""
+    temporary = path.with_name(f".{path.name}.{os.urandom(4).hex()}")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.NamedTemporaryFile(dir=path.parent, prefix=f".{path.name}.", delete=False) as file:
-            temporary = file.name
+        with temporary.open("xb") as file:
             file.write(data)
-        os.chmod(temporary, 0o644)  # temporary files are private; a report is to be shared
         os.replace(temporary, path)
     except OSError as error:
-        if temporary:
-            Path(temporary).unlink(missing_ok=True)
+        temporary.unlink(missing_ok=True)
         raise UsageError(f"{path} cannot be written: {error.strerror}; choose another place") from error
     return path
 

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import json
+import os
 import signal
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -18,7 +20,17 @@ from sitl.plant.effects.replaced_numbers import resolved
 from sitl.plant.variant import load_variant
 
 
-def test_results_to_stdout_narration_in_order_and_the_truth(run_program, tmp_path, monkeypatch, few_draws):
+@pytest.fixture
+def private() -> Iterator[None]:
+    """A umask under which only the owner may read."""
+    before = os.umask(0o077)
+    yield
+    os.umask(before)
+
+
+def test_results_to_stdout_narration_in_order_and_the_truth(
+    run_program, tmp_path, monkeypatch, few_draws, private
+):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "dry-run").mkdir()
     (tmp_path / "dry-run" / "notes.txt").write_text("mine")
@@ -44,6 +56,8 @@ def test_results_to_stdout_narration_in_order_and_the_truth(run_program, tmp_pat
     assert [run.kind for run in recorded] == ["sweep", "doublet"]
     amplitudes = [abs(run.manoeuvre("pwm").x - 1500).max() for run in recorded]
     assert amplitudes == pytest.approx([320, 150], abs=2)
+    made = list((tmp_path / "dry-run-2").rglob("*"))  # pages, pictures, logs, the session
+    assert len(made) > 20 and not [path for path in made if path.stat().st_mode & 0o077]
     again = run_program("dry-run", "--out", "dry-run-2")
     assert again.code == 2 and "already contains a session" in again.err and again.err.count("\n") == 1
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import os
+import re
 from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
@@ -15,6 +16,7 @@ import pytest
 
 from rover_sweep.data.results import number
 from rover_sweep.errors import UsageError
+from rover_sweep.files import documents
 from rover_sweep.files.documents import write_file
 from rover_sweep.report.identification.identification_json import identification_document
 from rover_sweep.report.identification.report import identification_report, write_report
@@ -93,6 +95,32 @@ def test_a_write_that_fails_leaves_the_old_file_and_nothing_else(
     with pytest.raises(UsageError, match="No space left on device"):
         write_file(path, "new")
     assert path.read_text() == "old" and list(tmp_path.iterdir()) == [path]
+
+
+@pytest.mark.skipif(os.name == "nt", reason="Windows has no umask")
+@pytest.mark.parametrize(("umask", "mode"), [(0o077, 0o600), (0o022, 0o644), (0o002, 0o664)])
+def test_a_file_is_readable_by_whom_the_umask_allows(tmp_path: Path, umask: int, mode: int) -> None:
+    before = os.umask(umask)
+    try:
+        written = [write_file(tmp_path / "a.html", "x"), write_file(tmp_path / "new" / "a.html", b"x")]
+    finally:
+        os.umask(before)
+    assert [path.stat().st_mode & 0o777 for path in written] == [mode, mode]
+    assert {path.name for path in tmp_path.rglob("*")} == {"a.html", "new"}
+
+
+def test_no_other_writer_sets_a_mode() -> None:
+    """Pages and logs hold positions: whoever has a umask of 077 gives them to nobody."""
+    sets = re.compile(
+        r"\b(f?chmod|umask|copymode|copystat|copytree|shutil\.copy2?|NamedTemporaryFile|mkstemp)\("
+    )
+    package = Path(documents.__file__).parents[1]
+    assert not [
+        f"{path.name}: {line}"
+        for path in package.rglob("*.py")
+        for line in path.read_text(encoding="utf-8").splitlines()
+        if sets.search(line)
+    ]
 
 
 def test_runs_that_carry_no_model_still_make_a_report_that_says_so(nominal: Any, tmp_path: Path) -> None:
