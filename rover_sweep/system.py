@@ -8,21 +8,25 @@ from __future__ import annotations
 
 import contextlib
 import importlib
+import math
 import os
 import signal
 import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 STOP_SIGNALS: tuple[signal.Signals, ...] = tuple(
-    getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK") if hasattr(signal, name)
+    getattr(signal, name)
+    for name in ("SIGINT", "SIGTERM", "SIGHUP", "SIGQUIT", "SIGBREAK")
+    if hasattr(signal, name)
 )
-"""Ctrl-C, `kill`, a closed terminal (SIGBREAK: a closed window of Windows, and Ctrl-Break)."""
+"""Ctrl-C, `kill`, a closed terminal, Ctrl-\\ (SIGBREAK: a closed window of Windows, and Ctrl-Break)."""
 
+_ON_ITS_WAY = 1.0  # s for which a KeyboardInterrupt is on its way to the code that releases the rover
 _NICENESS = 10
 _POLL = 0.2  # s
 
@@ -87,6 +91,95 @@ def drop_typed() -> None:
     elif msvcrt is not None:
         while msvcrt.kbhit():
             msvcrt.getwch()
+
+
+# Stop signals in a row: the first one ends a run, the others must not end the release of the rover.
+
+
+class _Stops:
+    """The state of the blocks below, of which the main thread has one.
+
+    depth: blocks of `one_stop`; came: a signal has come; held: no signal raises; allowed: one more raises;
+    raised: time at which the last one raised [s].
+    """
+
+    def __init__(self) -> None:
+        self.depth, self.before = 0, dict[signal.Signals, Any]()
+        self.came = self.held = self.allowed = False
+        self.raised = -math.inf
+
+    def pressed(self, *_: object) -> None:
+        self.came, now = True, time.monotonic()
+        on_its_way = now - self.raised < _ON_ITS_WAY
+        if not self.allowed and (self.held or on_its_way):
+            return
+        self.allowed, self.raised = False, now
+        raise KeyboardInterrupt
+
+    def begin(self) -> None:
+        self.depth += 1
+        if self.depth > 1:
+            return
+        self.came = self.held = self.allowed = False
+        self.raised = -math.inf
+        raises = {n: h for n in STOP_SIGNALS if (h := signal.getsignal(n)) == signal.default_int_handler}
+        self.before = raises
+        for number in raises:
+            signal.signal(number, self.pressed)
+
+    def end(self) -> None:
+        self.depth -= 1
+        if self.depth:
+            return
+        self.held = self.allowed = False
+        for number, handler in self.before.items():
+            if signal.getsignal(number) == self.pressed:
+                signal.signal(number, handler)
+
+
+_STOPS = _Stops()
+
+
+def _is_main() -> bool:
+    return threading.current_thread() is threading.main_thread()
+
+
+@contextlib.contextmanager
+def one_stop() -> Iterator[Callable[[], bool]]:
+    """Within it a stop signal raises KeyboardInterrupt, but none in the second after it, and none after
+    `hold_stops`: what the first one begins is not ended by others.
+
+    Gives a function that tells whether one came. For signals that raise KeyboardInterrupt outside of it too;
+    without effect in other threads.
+    """
+    if not _is_main():
+        yield lambda: False
+        return
+    _STOPS.begin()
+    try:
+        yield lambda: _STOPS.came
+    finally:
+        if _is_main():
+            _STOPS.end()
+
+
+def hold_stops() -> None:
+    """From here to the end of `one_stop`, stop signals raise only within `another_stop`."""
+    if _is_main() and _STOPS.depth:
+        _STOPS.held = True
+
+
+@contextlib.contextmanager
+def another_stop() -> Iterator[None]:
+    """Within it one more stop signal raises KeyboardInterrupt."""
+    if not (_is_main() and _STOPS.depth):
+        yield
+        return
+    try:
+        _STOPS.allowed = True
+        yield
+    finally:
+        _STOPS.allowed = False
 
 
 # Processes: started in a group of their own, so that Ctrl-C reaches only the program that started them;

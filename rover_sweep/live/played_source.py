@@ -109,13 +109,14 @@ class PlayedSource:
             self._requests.appendleft(Play(rate=0.0))
             self._asked.notify()
 
-    def close(self) -> None:
-        """End the thread."""
+    def close(self) -> str:
+        """End the thread. Returns ''."""
         with self._asked:
             self._closed = True
             self._asked.notify()
         if self._thread.is_alive() and threading.current_thread() is not self._thread:
             self._thread.join(timeout=5.0)
+        return ""
 
     # ---- the thread ----------------------------------------------------------------------------
 

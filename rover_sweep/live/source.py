@@ -235,8 +235,11 @@ class Source(Protocol):
         """At once, before all queued requests: end the present run and release the rover."""
         ...
 
-    def close(self) -> None:
-        """End the present run as `abort` does, close the link, end the thread."""
+    def close(self) -> str:
+        """End the present run as `abort` does, close the link, end the thread.
+
+        Returns a sentence on what of the rover is not known to be released, '' if there is nothing.
+        """
         ...
 
 

@@ -54,7 +54,7 @@ from rover_sweep.session.session import (
     start_streams,
     stop_and_disarm,
 )
-from rover_sweep.vehicle.events import Connected, LogSaved, Notice, Rebooting
+from rover_sweep.vehicle.events import Connected, Interrupted, LogSaved, Notice, Rebooting, RunStarted
 from rover_sweep.vehicle.identity import AppletUnready, identify_vehicle, untested
 from rover_sweep.vehicle.link.connection import Access, SeveralVehicles
 from rover_sweep.vehicle.link.link import Link
@@ -65,7 +65,7 @@ from rover_sweep.vehicle.logs import MavlinkLogs
 from rover_sweep.vehicle.parameters import read_parameter, read_present
 from rover_sweep.vehicle.preflight.read_rover import Check
 from rover_sweep.vehicle.preflight.readiness import preflight, remedy
-from rover_sweep.vehicle.run.controls import find_channels
+from rover_sweep.vehicle.run.controls import MAY_BE_ARMED, find_channels
 
 # Slow computations in a thread of their own: verdicts on runs, and the runs in a fetched log.
 
@@ -291,6 +291,7 @@ class VehicleSource:
         self._link: Link | None = None
         self._url, self._system = "", self._access.system  # of the vehicle that is to be found again
         self._lost = self._stopping = False
+        self._left_armed, self._unreleased = False, ""  # by the last run
         self._telemetry, self._told_at = Telemetry(), 0.0
 
     def start(self, tell: Callable[[Update], None]) -> None:
@@ -308,13 +309,15 @@ class VehicleSource:
             self._forgotten.put(request)
         self._stop.set()
 
-    def close(self) -> None:
-        """As `abort`, and end."""
+    def close(self) -> str:
+        """As `abort`, and end. Returns a sentence on what is not known to be released, '' if all is."""
         self._closing.set()
         self._stop.set()
         if self._thread.is_alive():
             self._thread.join(_GOODBYE)
         self.session.close()
+        armed = self._left_armed or (self._link is not None and self._link.may_be_armed)
+        return self._unreleased or (MAY_BE_ARMED if armed else "")
 
     # ---- the thread ------------------------------------------------------------------------------
 
@@ -407,6 +410,7 @@ class VehicleSource:
             self._drop_link()
             raise
         self._lost = False  # not before: greeting disarms what a run left armed, and an abort may cut it
+        self._left_armed, self._unreleased = opened.armed and self._left_armed, ""
 
     def _find_again(self) -> None:
         try:
@@ -426,6 +430,7 @@ class VehicleSource:
 
     def _drop_link(self) -> None:
         if self._link is not None:
+            self._left_armed |= self._link.may_be_armed
             self._link.close()
             self._link = None
 
@@ -484,5 +489,9 @@ class VehicleSource:
         self._tell(Notice("warning", sentence))
 
     def _tell(self, update: Update) -> None:
+        if isinstance(update, RunStarted):
+            self._left_armed, self._unreleased = False, ""
+        elif isinstance(update, Interrupted):
+            self._unreleased = update.unreleased
         with contextlib.suppress(Exception):  # a screen that fails must not keep a rover from being let go
             self._tell_screen(update)

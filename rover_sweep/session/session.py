@@ -10,15 +10,17 @@ from collections.abc import Generator, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 from firmware_params.param_files import WantedParameter, compare
 from rover_sweep.data.recording import Note, Recording
-from rover_sweep.errors import DataRefused, LinkError, UsageError
+from rover_sweep.errors import DataRefused, LinkError, RoverSweepError, UsageError
 from rover_sweep.logs.read import read_runs
 from rover_sweep.logs.readers.vehicle_clock import dropped_messages
 from rover_sweep.manoeuvre.sweep import ThrottleSweep, refuse_undersampled
-from rover_sweep.session.content import Content, DrivenRun, FetchedLog, SessionRun
+from rover_sweep.session.content import Content, DrivenRun, FetchedLog, SessionRun, State
 from rover_sweep.session.folder import DESCRIPTION, Session, read_folder
+from rover_sweep.system import another_stop, hold_stops, one_stop
 from rover_sweep.vehicle.events import (
     Connected,
     Event,
@@ -32,11 +34,13 @@ from rover_sweep.vehicle.events import (
 from rover_sweep.vehicle.identity import check_applet, estimator_ready, identify_vehicle, untested
 from rover_sweep.vehicle.link.connection import Access
 from rover_sweep.vehicle.link.link import Link
+from rover_sweep.vehicle.link.mavlink import Message
 from rover_sweep.vehicle.link.streams import IDENTIFICATION_RATES, Stream, request_all, stop
 from rover_sweep.vehicle.link.transport import Line
 from rover_sweep.vehicle.logs import LogEntry, MavlinkLogs
 from rover_sweep.vehicle.parameters import read_parameter, read_present
 from rover_sweep.vehicle.run.controls import ARM, AUX, FORCE, SCRIPTING_1, RunSettings, pump
+from rover_sweep.vehicle.run.follow import STOPPED_STATE
 from rover_sweep.vehicle.run.one_run import one_run
 from rover_sweep.vehicle.setup import install, refuse_other_applet
 
@@ -44,6 +48,7 @@ from rover_sweep.vehicle.setup import install, refuse_other_applet
 
 
 _SLOWED = 0.6  # of a granted rate
+_REPORTS = 2.5  # s within which an idle applet reports it, once a second
 _SAME_DRIVE = 600.0  # s of the vehicle's clock after which somebody else is taken to have armed it
 
 
@@ -312,28 +317,69 @@ def recorded_run(
     """
     tlog = session.tlog(planned.name)
     session.begun(planned, tlog, settings.arm)
-    try:
-        ended = yield from one_run(link, planned.manoeuvre, planned.name, tlog, settings)
-    except KeyboardInterrupt as stopped:
-        session.ended(tlog, "stopped", "interrupted", _left_armed(link, settings))
-        armed = link.armed or link.may_be_armed
-        yield Interrupted(planned.name, tlog, tuple(getattr(stopped, "__notes__", ())), armed)
-        return None
-    except BaseException as error:
-        session.ended(tlog, "cut", str(error) or "the program ended", _left_armed(link, settings))
-        raise
-    session.ended(
-        tlog,
-        "done" if ended.completed else "stopped",
-        ended.reason,
-        _left_armed(link, settings),
-        span=ended.span,
-        number=ended.number,
-        quality=tuple(asdict(stream) for stream in ended.quality),
-    )
-    if words := link.quality.words:
+    noted: list[RunFinished] = []
+    unwritten: list[RoverSweepError] = []
+
+    def ended(state: State, reason: str, **known: Any) -> None:
+        """A disk that takes nothing more must not hide what the rover does."""
+        try:
+            session.ended(tlog, state, reason, _left_armed(link, settings), **known)
+        except RoverSweepError as error:
+            unwritten.append(error)
+
+    def note(run: RunFinished) -> None:
+        noted.append(run)
+        quality = tuple(asdict(stream) for stream in run.quality)
+        state: State = "done" if run.completed else "stopped"
+        ended(state, run.reason, span=run.span, number=run.number, quality=quality)
+
+    stopped: Interrupted | None = None
+    with one_stop() as came:
+        try:
+            finished = yield from one_run(link, planned.manoeuvre, planned.name, tlog, settings, note)
+        except KeyboardInterrupt as stop:
+            hold_stops()
+            confirmed, armed = _confirms(link), link.armed or link.may_be_armed
+            if not noted:
+                ended("stopped", "interrupted")
+            failures = tuple(getattr(stop, "__notes__", ()))
+            stopped = Interrupted(planned.name, tlog, failures, armed, confirmed)
+        except BaseException as error:
+            hold_stops()
+            if not noted:
+                ended("cut", str(error) or "the program ended")
+            for failure in unwritten:
+                error.add_note(str(failure))
+            raise
+        interrupted = came()
+    if stopped is not None:
+        yield stopped
+    elif words := link.quality.words:
         yield Notice("warning", f"after {planned.name}: {words}")
-    return ended
+    if unwritten:
+        raise unwritten[0]
+    if stopped is not None:
+        return None
+    if interrupted:  # after the manoeuvre, while the rover was released
+        raise KeyboardInterrupt
+    return finished
+
+
+def _confirms(link: Link) -> bool:
+    """Whether the rover reports, after its release, that the applet does not steer."""
+    try:
+        with another_stop(), link.unwatched():
+            if link.wait_for("NAMED_VALUE_FLOAT", _REPORTS, _is_idle) is None:
+                return False
+            if link.armed and not link.may_be_armed:  # its last heartbeat may be older than the order
+                link.wait_for("HEARTBEAT", _REPORTS)
+            return True
+    except (RoverSweepError, KeyboardInterrupt):
+        return False
+
+
+def _is_idle(message: Message) -> bool:
+    return message.name == "SWP_ST" and int(message.value) in (0, STOPPED_STATE)
 
 
 def _left_armed(link: Link, settings: RunSettings) -> bool:

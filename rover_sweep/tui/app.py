@@ -10,7 +10,8 @@ import contextlib
 import os
 import signal
 import sys
-from collections.abc import Iterator, Mapping
+import threading
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from functools import partial
 from typing import Any, ClassVar
@@ -84,6 +85,8 @@ class SweepApp(SessionApp):
     def __init__(self, source: Source, setup: Setup, view: str = "connect") -> None:
         super().__init__(source, setup)
         self._first = view
+        self._left = False
+        self._loop_of_views: asyncio.AbstractEventLoop | None = None
         for palette in (LIGHT, DARK):
             ink, ground = palette.ink, palette.ground
             self.register_theme(
@@ -117,26 +120,18 @@ class SweepApp(SessionApp):
             self.install_screen(screen(), screen.view)
         self.push_screen(self._first)
         self.set_interval(1.0, self._redraw_waiting)
-        for number in (n for n in STOP_SIGNALS if n != signal.SIGINT):
-            with contextlib.suppress(RuntimeError, ValueError):  # not the main thread
-                self._leave_on(number, asyncio.get_running_loop())
+        self._loop_of_views = asyncio.get_running_loop()
         self.source.start(self.feed.put)
+        if self._left:
+            self.exit()
 
-    def _leave_on(self, number: signal.Signals, loop: asyncio.AbstractEventLoop) -> None:
-        try:
-            loop.add_signal_handler(number, self._leave_now)
-        except NotImplementedError:  # Windows
-
-            def leave(*_: object) -> None:
-                with contextlib.suppress(RuntimeError):  # the screen has closed already
-                    loop.call_soon_threadsafe(self._leave_now)
-
-            signal.signal(number, leave)
-
-    def _leave_now(self) -> None:
-        """On a signal to end: abort first, as closing the views takes seconds."""
+    def leave_now(self, *_: object) -> None:
+        """On a signal to end: abort first, as closing the views takes seconds. However often it comes."""
         self.source.abort()
-        self.exit()
+        self._left = True
+        if self._loop_of_views is not None:
+            with contextlib.suppress(RuntimeError):  # the views have closed already
+                self._loop_of_views.call_soon_threadsafe(self.exit)
 
     async def on_unmount(self) -> None:
         await self.analyses.close()
@@ -254,6 +249,20 @@ def _close_and_die(source: Source) -> None:
         os._exit(1)
 
 
+@contextlib.contextmanager
+def _handled(handler: Callable[..., object]) -> Iterator[None]:
+    """Within it `handler` gets the signals to end. asyncio's own handlers end with its loop."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = {number: signal.signal(number, handler) for number in STOP_SIGNALS}
+    try:
+        yield
+    finally:
+        for number, earlier in before.items():
+            signal.signal(number, earlier)
+
+
 def show(source: Source, setup: Setup | None = None, view: str = "connect", in_browser: bool = False) -> None:
     """Show a source until the user quits, then close it, also after an error.
 
@@ -268,9 +277,11 @@ def show(source: Source, setup: Setup | None = None, view: str = "connect", in_b
     app = SweepApp(source, setup or Setup(), view)
     if in_browser:
         end_with_parent(partial(_close_and_die, source))
-    try:
-        app.run(mouse=False)  # so that the mouse can select and copy text
-    finally:
-        source.close()
+    with _handled(app.leave_now):  # until the rover is released, which another signal must not end
+        try:
+            app.run(mouse=False)  # so that the mouse can select and copy text
+        finally:
+            if unreleased := source.close():
+                print(f"rover-sweep: {unreleased}", file=sys.stderr)
     if app.return_code:  # an error, already printed
         raise SystemExit(app.return_code)

@@ -12,6 +12,11 @@ from rover_sweep.vehicle.link.statustext import Said as Said
 from rover_sweep.vehicle.link.streams import Stream, StreamQuality
 from rover_sweep.vehicle.parameters import ParameterSet as ParameterSet
 
+UNCONFIRMED = (
+    "the rover did not confirm that it was released: keep away from its wheels until the transmitter steers "
+    "and drives it"
+)
+
 
 @dataclass(frozen=True)
 class Connected:
@@ -114,13 +119,20 @@ class RunFinished:
 class Interrupted:
     """Ctrl-C ended run `name`; the session continues with fetching the logs.
 
-    failures: sentences on what could not be released, empty if all was. armed: whether the rover still is.
+    failures: sentences on what could not be released. armed: whether the rover is, as far as it was heard.
+    confirmed: after the release the rover reported that its applet does not steer.
     """
 
     name: str
     tlog: Path
     failures: tuple[str, ...]
     armed: bool
+    confirmed: bool
+
+    @property
+    def unreleased(self) -> str:
+        """What is not known to be released, in words; '' if all is."""
+        return "; ".join(self.failures) or ("" if self.confirmed else UNCONFIRMED)
 
 
 @dataclass(frozen=True)

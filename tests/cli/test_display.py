@@ -26,7 +26,7 @@ RUN = (
     e.StateChanged(10.0, 3, "straight before"),
     e.Sample(43.5, 6, 1620.0, -0.5, 2.25, 2.4, 12.3),
     e.RunFinished("sweep1", False, "roll 31.0 > 30 deg", TLOG, (0.0, 50.0), 1, ()),
-    e.Interrupted("sweep2", TLOG, ("the vehicle did not answer",), True),
+    e.Interrupted("sweep2", TLOG, ("the vehicle did not answer",), True, True),
 )
 
 
@@ -110,7 +110,7 @@ def in_a_run() -> Events:
         yield RUN[0]
         yield e.Notice("info", "the applet steers")
     except KeyboardInterrupt:
-        yield e.Interrupted("sweep1", TLOG, (), False)
+        yield e.Interrupted("sweep1", TLOG, (), False, True)
 
 
 def before_a_run() -> Events:
@@ -121,7 +121,7 @@ def before_a_run() -> Events:
     ("events", "said"),
     [
         (in_a_run, "sweep1 interrupted: the rover was released"),
-        (before_a_run, "no run was in progress: nothing moves"),
+        (before_a_run, "no run was in progress: this program moves nothing"),
     ],
 )
 def test_a_ctrl_c_between_two_events(events, said, tmp_path, monkeypatch, capsys):

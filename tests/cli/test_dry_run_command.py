@@ -16,6 +16,7 @@ from program_calls import DOUBLET, SWEEP
 
 from rover_sweep.cli.driving.simulated import truth
 from rover_sweep.logs.read import read_runs
+from rover_sweep.session.folder import read_folder
 from sitl.plant.effects.replaced_numbers import resolved
 from sitl.plant.variant import load_variant
 
@@ -85,10 +86,17 @@ def test_mistakes_are_told_at_once_and_leave_nothing(run_program, tmp_path, monk
 
 
 @pytest.mark.parametrize(
-    "how",
-    [signal.SIGTERM, *(pytest.param(how, marks=pytest.mark.slow) for how in (signal.SIGINT, signal.SIGHUP))],
+    ("how", "times"),
+    [
+        (signal.SIGTERM, 3),  # the second and the third come while the rover is let go
+        (signal.SIGQUIT, 1),
+        *(
+            pytest.param(how, 1, marks=pytest.mark.slow)
+            for how in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP)
+        ),
+    ],
 )
-def test_being_ended_says_what_was_kept_and_that_the_rover_was_let_go(tmp_path, how):
+def test_being_ended_says_what_was_kept_and_that_the_rover_was_let_go(tmp_path, how, times):
     """As in the background of a script, where Ctrl-C is ignored from the start."""
     before = signal.signal(signal.SIGINT, signal.SIG_IGN)
     hangup = signal.signal(signal.SIGHUP, signal.SIG_DFL)  # under nohup it ends nothing
@@ -103,11 +111,14 @@ def test_being_ended_says_what_was_kept_and_that_the_rover_was_let_go(tmp_path, 
             lines.append(line)
             if "sweep2: sweep" in line:
                 time.sleep(0.5)
-                program.send_signal(how)
+                for _ in range(times):
+                    program.send_signal(how)
+                    time.sleep(0.005)
     assert program.wait(20) == 130
     text = "".join(lines)
     assert "sweep2 interrupted: the rover was released" in text
     assert f"kept in {tmp_path / 'x'}: sweep1.tlog, sweep2.tlog (no complete run)" in text
+    assert [run.left_armed for run in read_folder(tmp_path / "x").runs] == [False, False]
 
 
 def test_a_simulated_rover_that_dies_says_why(run_program, tmp_path, monkeypatch):

@@ -181,6 +181,7 @@ class Found:
     """A link to a rover that still drives."""
 
     armed = True
+    may_be_armed = False
     target = (1, 1)
 
     def hear(self, listener: Callable[[object], None]) -> None:

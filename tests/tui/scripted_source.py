@@ -50,8 +50,9 @@ class ScriptedSource:
     def abort(self) -> None:
         self.aborted += 1
 
-    def close(self) -> None:
+    def close(self) -> str:
         self.closed = True
+        return ""
 
 
 CHECKS = (

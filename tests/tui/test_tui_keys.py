@@ -201,7 +201,7 @@ async def test_without_a_run_abort_is_no_key(app, source, pilot) -> None:
 async def test_leaving_during_a_run_ends_that_first(app, source, pilot, key: str) -> None:
     await press(pilot, key)
     assert source.aborted == 1 and app.is_running
-    for told in (e.Interrupted("sweep1", TLOG, (), False), snapshot(20.0, state=0), Ended(drive())):
+    for told in (e.Interrupted("sweep1", TLOG, (), False, True), snapshot(20.0, state=0), Ended(drive())):
         source.tell(told)
     await pilot.pause()
     await press(pilot, key)

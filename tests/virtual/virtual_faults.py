@@ -81,6 +81,21 @@ def interrupt() -> Fault:
     return Fault("interrupt", begin)
 
 
+def hammered(count: int, every: float = 0.1, number: int = 0) -> Fault:
+    """Ctrl-C `count` times in a row, every so many seconds; number: as this signal."""
+    left, began = count, 0.0
+
+    def press(world: World) -> None:
+        nonlocal left, began
+        began = began or world.now
+        if left and world.now >= began + every * (count - left):
+            left -= 1
+            world.laptop.signal = number
+            world.laptop.interrupt = None if number else KeyboardInterrupt()
+
+    return each_step(f"interrupt {count} times", press, EVER)
+
+
 def clock_set(seconds: float) -> Fault:
     """The laptop's wall clock is set, by so much, as by NTP; its other clocks do not notice."""
 

@@ -8,6 +8,8 @@ asks again and again without waiting is given no time, up to a bound: then the w
 
 from __future__ import annotations
 
+import signal
+
 from virtual_world import MONOTONIC_0, SINCE_BOOT_0, WALL_0, World
 
 from rover_sweep.vehicle.link.transport import Transport
@@ -51,13 +53,16 @@ class VirtualLine:
         self.alive()
 
     def alive(self) -> None:
-        """Raises what has happened to the program: its death for good, an interrupt once."""
+        """Raises what has happened to the program: its death for good, an interrupt or a signal once."""
         laptop = self.world.laptop
         if laptop.death is not None:
             raise laptop.death
         if laptop.interrupt is not None:
             interrupt, laptop.interrupt = laptop.interrupt, None
             raise interrupt
+        if laptop.signal:
+            number, laptop.signal = laptop.signal, 0
+            signal.raise_signal(number)
 
 
 class VirtualTransport(Transport):

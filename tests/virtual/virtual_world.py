@@ -81,7 +81,8 @@ class Fault:
 
 @dataclass
 class Laptop:
-    """What the harness knows of the computer. death: raised in the program at its next receive or send.
+    """What the harness knows of the computer. death: raised in the program at its next receive or send, as is
+    interrupt, once; signal: its number is sent to this process then, once.
 
     heard, state_heard: world's time [s] at which it last read a whole frame of the vehicle, and SWP_ST.
     """
@@ -92,6 +93,7 @@ class Laptop:
     queues: bool = True
     death: BaseException | None = None
     interrupt: BaseException | None = None
+    signal: int = 0
     disk_full: bool = False
     heard: float = float("-inf")
     state_heard: float = float("-inf")

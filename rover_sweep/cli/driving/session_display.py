@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Callable, Generator, Iterator
-from contextlib import suppress
 from pathlib import Path
 
 from rover_sweep.api.read import Reading, divided, load_steered, why_not_fitted
@@ -22,9 +21,11 @@ from rover_sweep.manoeuvre.sweep import ThrottleSweep
 from rover_sweep.report.document import Table
 from rover_sweep.session.folder import read_folder
 from rover_sweep.session.session import origin_words
-from rover_sweep.vehicle.events import Event, Interrupted, RunFinished, SessionFinished, StreamsSet
+from rover_sweep.system import hold_stops, one_stop
+from rover_sweep.vehicle.events import Event, Interrupted, Notice, RunFinished, SessionFinished, StreamsSet
 from rover_sweep.vehicle.preflight.rates import telemetry_words
 from rover_sweep.vehicle.preflight.readiness import arrival_clock
+from rover_sweep.vehicle.run.controls import MAY_BE_ARMED
 
 Events = Generator[Event, None, None]
 AfterEvent = Callable[[PlainDisplay, Event], None]
@@ -47,37 +48,75 @@ def show_session(
     the logs. Otherwise KeyboardInterrupt, like any error, is raised after the rover was released and the
     recordings that exist were listed.
     """
-    console, finished, interrupted = narration(), list[RunFinished](), False
-    granted = dict[str, float]()
-    try:
-        with let_go_on_signals(), display(console, talk) as shown:
-            for event in _shown(events, shown, answer):
-                if words := _telemetry(event, granted, logs):
-                    shown.say(f"  {words}")
-                finished += [event] if isinstance(event, RunFinished) else []
-                if isinstance(event, SessionFinished):
-                    return event
-                if isinstance(event, Interrupted):
-                    interrupted = True
-                    if not go_on:
-                        raise KeyboardInterrupt
-    except (KeyboardInterrupt, RoverSweepError) as stop:
-        if isinstance(stop, KeyboardInterrupt) and not interrupted:
-            words = "no run was in progress: nothing moves"
-            with suppress(KeyboardInterrupt, StopIteration):  # in a run, the session releases the rover
-                event = events.throw(stop)
-                words = interrupted_words(event) if isinstance(event, Interrupted) else words
-            console.print(words, soft_wrap=True)
-        events.close()
-        kept = _kept(folder, finished)
-        if kept != _NOTHING or isinstance(stop, KeyboardInterrupt):  # an error explains itself
-            console.print(kept, soft_wrap=True)
-        raise
+    console, finished, unshown = narration(), list[RunFinished](), list[Interrupted]()
+    interrupted, granted = False, dict[str, float]()
+    with let_go_on_signals():
+        try:
+            with display(console, talk) as shown:
+                for event in _shown(events, shown, answer, unshown):
+                    if words := _telemetry(event, granted, logs):
+                        shown.say(f"  {words}")
+                    finished += [event] if isinstance(event, RunFinished) else []
+                    if isinstance(event, SessionFinished):
+                        return event
+                    if isinstance(event, Interrupted):
+                        interrupted = True
+                        if not go_on:
+                            raise KeyboardInterrupt
+        except BaseException as stop:
+            with one_stop():
+                hold_stops()
+                _ended(events, stop, unshown)
+                for words in _last_words(stop, interrupted, unshown, folder, finished):
+                    console.print(words, soft_wrap=True)
+            raise
     raise AssertionError("a session ends with SessionFinished")
 
 
-def _shown(events: Events, display: PlainDisplay, answer: AfterEvent | None) -> Iterator[Event]:
-    """Show and yield each event; a Ctrl-C meanwhile is thrown into the session, which releases the rover."""
+def _ended(events: Events, stop: BaseException, unshown: list[Interrupted]) -> None:
+    """End the session because of `stop`. In a run it releases the rover first: its last event is added to
+    `unshown`, or what it could not release to the notes of `stop`."""
+    try:
+        event = events.throw(stop)
+        unshown += [event] if isinstance(event, Interrupted) else []
+        events.close()
+    except StopIteration:
+        return
+    except BaseException as error:
+        for note in getattr(error, "__notes__", ()) if error is not stop else ():
+            stop.add_note(note)
+
+
+def _last_words(
+    stop: BaseException,
+    interrupted: bool,
+    unshown: list[Interrupted],
+    folder: Path,
+    finished: list[RunFinished],
+) -> Iterator[str]:
+    """Sentences on the rover and on the recordings, of a session that ends because of `stop`."""
+    yield from map(interrupted_words, unshown)
+    if not isinstance(stop, KeyboardInterrupt | RoverSweepError):
+        return
+    kept = _kept(folder, finished)
+    if isinstance(stop, KeyboardInterrupt):
+        if not (interrupted or unshown):
+            last = read_folder(folder).runs[-1:]
+            armed = any(run.left_armed for run in last)
+            moves = MAY_BE_ARMED if armed else "this program moves nothing"
+            yield f"no run was in progress: {moves[0].lower()}{moves[1:]}"
+        yield kept
+    elif kept != _NOTHING:  # an error explains itself
+        yield kept
+
+
+def _shown(
+    events: Events, display: PlainDisplay, answer: AfterEvent | None, unshown: list[Interrupted]
+) -> Iterator[Event]:
+    """Show and yield each event; a Ctrl-C meanwhile is thrown into the session, which releases the rover.
+
+    unshown: gets the end of a run by Ctrl-C, and loses it when it is on the screen.
+    """
     caught: KeyboardInterrupt | None = None
     while True:
         try:
@@ -85,12 +124,16 @@ def _shown(events: Events, display: PlainDisplay, answer: AfterEvent | None) -> 
         except StopIteration:
             return
         caught = None
+        unshown += [event] if isinstance(event, Interrupted) else []
         try:
             display.show(event)
             if answer is not None:
                 answer(display, event)
         except KeyboardInterrupt as stop:
             caught = stop
+            if isinstance(event, Notice | Interrupted):  # a warning, of which half may be on the screen
+                display.show(event)
+        unshown.clear()
         yield event
 
 

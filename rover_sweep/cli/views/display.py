@@ -191,9 +191,12 @@ def _number(value: float, form: str) -> str:
 
 
 def interrupted_words(event: e.Interrupted) -> str:
-    """A sentence on the rover's state after Ctrl-C."""
+    """A sentence on the rover's state after Ctrl-C: only what it confirmed."""
     if event.failures:
-        return f"{event.name} interrupted, but not everything was released: {'; '.join(event.failures)}"
+        return f"{event.name} interrupted, but not everything was released: {event.unreleased}"
+    armed = "armed" if event.armed else "disarmed"
+    if not event.confirmed:
+        return f"{event.name} interrupted: {event.unreleased}; it was {armed} when it was last heard"
     now = "it is still armed" if event.armed else "it is disarmed"
     return f"{event.name} interrupted: the rover was released, the pilot has steering and throttle; {now}"
 

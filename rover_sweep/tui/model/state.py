@@ -275,7 +275,7 @@ def _run(state: State, event: e.RunStarted | e.RunFinished | e.Interrupted) -> S
             own = {"outcome": outcome, "reason": reason, "number": event.number, "began": True}
             return _changed(state, index, tlog=event.tlog, **own)
         case e.Interrupted():
-            reason = "; ".join(("aborted", *event.failures))
+            reason = "; ".join(filter(None, ("aborted", event.unreleased)))
             return _changed(state, index, outcome="stopped", reason=reason, tlog=event.tlog)
 
 

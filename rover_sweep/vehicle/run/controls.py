@@ -13,6 +13,7 @@ from itertools import cycle
 from typing import Literal
 
 from rover_sweep.errors import LinkError, RoverSweepError, UsageError
+from rover_sweep.system import another_stop, hold_stops
 from rover_sweep.vehicle.link.connection import Periodic
 from rover_sweep.vehicle.link.link import Link, Refused
 from rover_sweep.vehicle.parameters import read_present
@@ -35,6 +36,7 @@ MAY_BE_ARMED = (
     "The rover may still be armed: keep away from its wheels, and disarm it with the transmitter "
     "or switch its power off"
 )
+_TRIES = 5  # of a step of the release that is interrupted
 _SETTLE = 0.6  # s that the applet needs to detect the switch (10 Hz, 200 ms debounce, 84 Hz script)
 
 
@@ -154,16 +156,29 @@ class Controls:
         link: then the rover stops without us.
         """
         failures: list[str] = []
+        hold_stops()
         with self._link.unwatched():
             try:
-                for step in (self._stop_now, self._settle, self._end_aux, self._disarm, self._release):
-                    self._attempt(step, failures)
+                with another_stop():
+                    for step in (self._stop_now, self._settle, self._end_aux, self._disarm, self._release):
+                        self._attempt(step, failures)
             except KeyboardInterrupt:  # a second Ctrl-C: no more waiting
                 for step in (self._stop_now, self._disarm_blind, self._release):
-                    self._attempt(step, failures)
+                    self._attempt_again(step, failures)
+                if self._armed_by_us and not any(MAY_BE_ARMED in failure for failure in failures):
+                    failures.append(MAY_BE_ARMED)
         for periodic in self._periodic:
             self._link.cancel(periodic)
         return failures
+
+    def _attempt_again(self, step: Callable[[], None], failures: list[str]) -> None:
+        """As `_attempt`; from the beginning, where an interrupt meets it."""
+        for _ in range(_TRIES):
+            try:
+                return self._attempt(step, failures)
+            except KeyboardInterrupt:
+                continue
+        return None
 
     def _attempt(self, step: Callable[[], None], failures: list[str]) -> None:
         try:
@@ -226,7 +241,11 @@ class Controls:
 
     def _disarm_blind(self) -> None:
         if self._armed_by_us:
-            if self._link.command(ARM, 0.0, FORCE, timeout=0.3, tries=2) != 0:
+            try:
+                accepted = self._link.command(ARM, 0.0, FORCE, timeout=0.3, tries=2) == 0
+            except LinkError as error:
+                raise LinkError(f"{error}. {MAY_BE_ARMED}") from error
+            if not accepted:
                 raise LinkError(MAY_BE_ARMED)
             self._armed(False)
             self._is_disarmed()  # so that an old heartbeat does not report it as armed

@@ -18,12 +18,14 @@ from __future__ import annotations
 import math
 import random
 import re
-from collections.abc import Generator, Iterator, Mapping
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 
 from firmware_params.applet_parameters import STATES, SWITCH_LOW
 from rover_sweep.errors import LinkError, RoverSweepError, UsageError
 from rover_sweep.manoeuvre.sweep import Manoeuvre, parameters_of
+from rover_sweep.system import another_stop, hold_stops
 from rover_sweep.vehicle.events import Armed, Event, Notice, RunFinished, RunStarted, SwitchWanted
 from rover_sweep.vehicle.link.inbox import BadLink
 from rover_sweep.vehicle.link.link import Link, Refused
@@ -207,9 +209,17 @@ _SELF_DESCRIBING = (
 
 
 def one_run(
-    link: Link, manoeuvre: Manoeuvre, name: str, tlog: Path, settings: RunSettings
+    link: Link,
+    manoeuvre: Manoeuvre,
+    name: str,
+    tlog: Path,
+    settings: RunSettings,
+    note: Callable[[RunFinished], None] = lambda finished: None,
 ) -> Generator[Event, None, RunFinished]:
     """Upload, arm and trigger as far as `settings` allow, follow, and release. Also returns the last event.
+
+    note: called once with the last event, as soon as the rover is released and before any later event; also
+    where the manoeuvre ran to its end and an exception ends the run afterwards.
 
     LinkError if the vehicle refuses, if the applet does not start, or if the link is lost for good; a
     manoeuvre that ended early is a `RunFinished` with completed False. The exception that ends a run has
@@ -231,6 +241,13 @@ def one_run(
     ours = overridden(channels, settings.trigger, drives)
     takeover = Takeover(link, channels, settings.throttle_us, present, began if ours else None)
     limit = manoeuvre.duration + 2 * present.get("SWP_STILL", 0.0) + settings.patience + _START_LIMIT
+    start = link.clock.now
+
+    def finished() -> RunFinished:
+        completed, reason = reboots.outcome(follower.number, outcome)
+        span = start, follower.ended_at
+        return RunFinished(name, completed, reason, tlog, span, follower.number, monitor.quality())
+
     with link.listening(lambda message: follower.message(message, link.clock.now), follower.text):
         if link.line.monotonic() - asked > _ASKED:  # the user was asked, perhaps for minutes
             catch_up(link)
@@ -244,25 +261,40 @@ def one_run(
                 with link.listening(monitor), link.listening(watch.message):
                     yield from _follow(link, controls, follower, settings, limit, right)
             except BaseException as error:
+                hold_stops()
                 unstopped, failed = _stop_applet(error, link, settings), controls.let_go()
                 for failure in [*unstopped, *takeover.end(right.heard), *failed]:
                     error.add_note(failure)
+                outcome = follower.outcome
+                if follower.ended and outcome[0]:
+                    note(finished())
                 raise
             failures = controls.let_go()
             failures = [*takeover.end(right.heard), *failures]
             holds_switch = settings.trigger == "override"
-            outcome = hear_outcome(link, follower, right, name, failures, holds_switch)
-        yield from follower.take()
-    for failure in (*failures, *filter(None, (watch.sentence,))):
-        yield Notice("warning", f"after {name}: {failure}")
+            with _noted(failures):
+                outcome = hear_outcome(link, follower, right, name, failures, holds_switch)
+        with _noted(failures):
+            note(last := finished())
+            yield from follower.take()
+            for failure in (*failures, *filter(None, (watch.sentence,))):
+                yield Notice("warning", f"after {name}: {failure}")
     if settings.trigger == "pilot":
         yield SwitchWanted("low", channels.switch)
-    completed, reason = reboots.outcome(follower.number, outcome)
-    finished = RunFinished(
-        name, completed, reason, tlog, (start, follower.ended_at), follower.number, monitor.quality()
-    )
-    yield finished
-    return finished
+    yield last
+    return last
+
+
+@contextmanager
+def _noted(failures: Sequence[str]) -> Iterator[None]:
+    """What could not be released is told by whatever exception comes before it was told otherwise."""
+    try:
+        yield
+    except BaseException as error:
+        for failure in failures:
+            if failure not in getattr(error, "__notes__", ()):
+                error.add_note(failure)
+        raise
 
 
 def _limits(
@@ -282,9 +314,12 @@ def _stop_applet(error: BaseException, link: Link, settings: RunSettings) -> lis
     if settings.trigger != "pilot" or not isinstance(error, KeyboardInterrupt):
         return []
     try:
-        link.require("stop the applet", "MAV_CMD_DO_AUX_FUNCTION", float(SCRIPTING_1), 0.0)
+        with another_stop():
+            link.require("stop the applet", "MAV_CMD_DO_AUX_FUNCTION", float(SCRIPTING_1), 0.0)
     except RoverSweepError as failure:
         return [f"{failure}; throw the switch low"]
+    except KeyboardInterrupt:
+        return ["the rover did not confirm the order to stop the applet; throw the switch low"]
     return []
 
 

@@ -17,6 +17,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from rover_sweep.errors import LinkError, RoverSweepError, UsageError
+from rover_sweep.system import another_stop
 from rover_sweep.vehicle.link.link import Link
 from rover_sweep.vehicle.parameters import read_parameter, read_present, write_parameter
 from rover_sweep.vehicle.run.controls import NEUTRAL_ZONE, Channels, pump
@@ -145,9 +146,10 @@ class Takeover:
         try:
             if not reachable:
                 raise LinkError("the rover is not heard")
-            write_parameter(self._link, "SWP_LAPSE", 0.0)
-            return self._other_than_before()
-        except RoverSweepError:
+            with another_stop():
+                write_parameter(self._link, "SWP_LAPSE", 0.0)
+                return self._other_than_before()
+        except (RoverSweepError, KeyboardInterrupt):  # another Ctrl-C: no more waiting
             return [
                 f"{OVERRIDE_TIME} was {self._before:g} s before the run and could not be read after it; the "
                 "applet puts it back once it misses this program, and a reboot does too"

@@ -1,10 +1,10 @@
 """Python with what Windows lacks taken away: loaded at the start of Python with this folder on PYTHONPATH.
 
-Gone are termios, fcntl, pty, resource, fork, sessions and process groups, SIGKILL, SIGHUP, CLOCK_BOOTTIME,
-`select` on anything but sockets, signal handlers of asyncio and netlink. Files behave as there: a name may
-not hold <>:"|?*, and an open file can neither be replaced nor removed. A text file opened by this project
-without an encoding is an error. Stand-ins for msvcrt, _winapi and pyserial are there, so that Windows' own
-branches run. Not imitated: drive letters, a real console, and time stamps of 16 ms.
+Gone are termios, fcntl, pty, resource, fork, sessions and process groups, SIGKILL, SIGHUP, SIGQUIT,
+CLOCK_BOOTTIME, `select` on anything but sockets, signal handlers of asyncio and netlink. Files behave as
+there: a name may not hold <>:"|?*, and an open file can neither be replaced nor removed. A text file opened
+by this project without an encoding is an error. Stand-ins for msvcrt, _winapi and pyserial are there, so
+that Windows' own branches run. Not imitated: drive letters, a real console, and time stamps of 16 ms.
 
 The standard library loads what it needs on this system before.
 """
@@ -43,7 +43,7 @@ def _take_away() -> None:
             *("fork", "forkpty", "setsid", "killpg", "getpgrp", "getpgid", "setpgrp", "setpgid", "openpty"),
             *("nice", "setpriority", "getpriority", "sched_getaffinity"),
         ),
-        signal: ("SIGKILL", "SIGHUP", "SIGALRM", "setitimer", "SIGSTOP", "SIGCHLD"),
+        signal: ("SIGKILL", "SIGHUP", "SIGQUIT", "SIGALRM", "setitimer", "SIGSTOP", "SIGCHLD"),
         time: ("CLOCK_BOOTTIME", "CLOCK_MONOTONIC", "clock_gettime"),
         select: ("poll", "epoll"),
         socket: ("AF_NETLINK",),
