@@ -342,7 +342,7 @@ def recorded_run(
             confirmed, armed = _confirms(link), link.armed or link.may_be_armed
             if not noted:
                 ended("stopped", "interrupted")
-            failures = tuple(getattr(stop, "__notes__", ()))
+            failures = tuple(dict.fromkeys(getattr(stop, "__notes__", ())))
             stopped = Interrupted(planned.name, tlog, failures, armed, confirmed)
         except BaseException as error:
             hold_stops()

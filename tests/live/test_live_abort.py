@@ -22,7 +22,7 @@ from rover_sweep.session.folder import read_folder
 from rover_sweep.session.session import SessionRun
 from rover_sweep.vehicle.events import Connected, Interrupted, Notice, StateChanged
 from rover_sweep.vehicle.link.link import Link
-from rover_sweep.vehicle.run.controls import RunSettings
+from rover_sweep.vehicle.run.controls import MAY_BE_ARMED, RunSettings
 from sitl import launcher
 from tests.vehicle.simulated_drive import READY
 
@@ -124,7 +124,20 @@ def test_closing_in_mid_sweep_lets_the_rover_go(rover: launcher.Running, tmp_pat
     with Asked(tmp_path / "s") as asked:
         asked.connect(rover.connection)
         in_mid_sweep(asked, FAST, SETTINGS)
+        assert asked.source.close() == ""
     assert asked.all(Interrupted)[0].failures == () and not asked.all(Interrupted)[0].armed
+
+
+def test_closing_over_a_dead_link_says_that_the_rover_may_be_armed(rover, tmp_path, monkeypatch):
+    """Its views are gone then: whoever closed them reads it on the terminal."""
+    monkeypatch.setattr(vehicle_source, "_GOODBYE", 1.0)
+    with CountedProxy(rover.connection) as proxy, Asked(tmp_path / "s") as asked:
+        asked.connect(proxy.url)
+        in_mid_sweep(asked, FAST, SETTINGS)
+        proxy.cut()
+        assert asked.source.close() == MAY_BE_ARMED
+    (run,) = read_folder(tmp_path / "s").runs
+    assert run.left_armed
 
 
 def test_a_lost_link_is_found_again_and_the_rover_let_go(rover: launcher.Running, tmp_path: Path) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import asyncio
+import signal
 from dataclasses import replace
 from unittest import mock
 
@@ -37,7 +39,8 @@ from rover_sweep.live.source import (
 )
 from rover_sweep.manoeuvre.sweep import ThrottleSweep
 from rover_sweep.session.session import SessionRun
-from rover_sweep.tui.app import SweepApp
+from rover_sweep.system import STOP_SIGNALS
+from rover_sweep.tui.app import SweepApp, show
 from rover_sweep.tui.drawn import Question
 from rover_sweep.tui.model.plan_rows import Row
 from rover_sweep.tui.screens.frame import VIEWS
@@ -333,3 +336,30 @@ async def test_every_key_of_a_plan_that_is_driven(app, source, pilot) -> None:
         assert "internal error" not in text_of(app) and len(drives(source)) == 1, key
         await press(pilot, "escape", "x", "x", "x")
         assert not any("internal error" in line.text for line in app.state.messages), key
+
+
+class ReleasedLate(ScriptedSource):
+    """Signals come while it is closed."""
+
+    def close(self) -> str:
+        for number in STOP_SIGNALS * 3:
+            signal.raise_signal(number)
+        super().close()
+        return "The rover may still be armed"
+
+
+def test_signals_in_a_row_do_not_end_the_release(monkeypatch, capsys):
+    """Neither while the views close nor afterwards, when asyncio has none of its handlers any more."""
+    source, before = ReleasedLate(), {number: signal.getsignal(number) for number in STOP_SIGNALS}
+
+    async def closing(app: SweepApp) -> None:
+        app.source.start(app.feed.put)
+        for number in STOP_SIGNALS:
+            signal.raise_signal(number)
+
+    monkeypatch.setattr(SweepApp, "run", lambda app, **_: asyncio.run(closing(app)))
+    monkeypatch.setattr("rover_sweep.tui.app.end_with_parent", lambda end: None)
+    show(source, SETUP, in_browser=True)
+    assert source.closed and source.aborted == 4 * len(STOP_SIGNALS)
+    assert capsys.readouterr().err == "rover-sweep: The rover may still be armed\n"
+    assert {number: signal.getsignal(number) for number in STOP_SIGNALS} == before

@@ -126,7 +126,8 @@ def _driven(url: str, access: Access, folder: BenchFolder, plan: BenchPlan) -> b
             )
     except (RoverSweepError, KeyboardInterrupt):
         echo(
-            f"the steering is released; evaluate the recording with: rover-sweep bench --from {folder.path}",
+            "this program no longer moves the steering (over a lost link its override lapses); evaluate the "
+            f"recording with: rover-sweep bench --from {folder.path}",
             err=True,
         )
         raise
