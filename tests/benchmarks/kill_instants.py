@@ -25,7 +25,7 @@ from rover_sweep.vehicle.run.controls import ARM, FORCE, pump
 from sitl.launcher import start_embedded
 
 HOLD = 4
-LATEST, AFTER = 30.0, 4.0  # s from the program's start; s after the kill
+LATEST, AFTER = 45.0, 4.0  # s from the program's start; s after the kill
 STANDS = 0.3  # m/s
 BEFORE = {"RC_OVERRIDE_TIME": 3.0, "SWP_LAPSE": 0.0, "SWP_THR": 0.0}
 SWEEP = "100,3,20,8"
