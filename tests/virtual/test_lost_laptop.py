@@ -13,15 +13,13 @@ from unittest import mock
 import pytest
 from test_second_station import SAME, once, parameter, station
 from virtual_faults import asleep, each_step, hole, kill
-from virtual_run import Outcome, played, session_played
+from virtual_run import Outcome, applet_without, played, session_played
 from virtual_world import At, Fault, Phase, World
 
-from firmware_params.applet_parameters import applet_source
 from rover_sweep.errors import UsageError
 from rover_sweep.vehicle.identity import AppletUnready
 from rover_sweep.vehicle.link.link import Link
 from rover_sweep.vehicle.run.controls import pump
-from sitl import embedded
 from sitl.autopilot.rover import HOLD, MANUAL
 
 THROTTLE, STEERING, MODE = 2, 0, 7  # RC channels, 0-based
@@ -220,16 +218,6 @@ def test_another_applet_is_not_driven(tmp_path: Path, monkeypatch, changed: str)
 
 
 # ---- Without the rule.
-
-
-def applet_without(monkeypatch: pytest.MonkeyPatch, folder: Path, *changes: tuple[str, str]) -> None:
-    source = applet_source()
-    for old, new in changes:
-        assert source.count(old) == 1, old
-        source = source.replace(old, new)
-    changed = folder / embedded.APPLET.name
-    changed.write_text(source, encoding="utf-8")
-    monkeypatch.setattr(embedded, "APPLET", changed)
 
 
 UNWATCHED = ("local reason = laptop.lost(seen)", "local reason = nil")

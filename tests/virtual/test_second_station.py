@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 from virtual_faults import each_step
-from virtual_run import played, session_played
+from virtual_run import applet_without, played, session_played
 from virtual_world import At, Fault, World
 
 from rover_sweep.vehicle.events import RunFinished
@@ -75,7 +75,7 @@ def test_a_station_that_only_listens_or_is_not_heard(tmp_path: Path, name: str) 
 
 
 ENDS = {
-    "throttle": (override(chan3=1900), SAME, "RC channel 3 is at 1900 us, where this program sends 1710"),
+    "throttle": (override(chan3=1900), SAME, "at 1900 us, which this program did not send"),
     "a little more throttle": (override(chan3=1760), SAME, "another ground station overrides it"),
     "steering": (override(chan1=1600), SAME, "RC channel 1 is at 1600 us, where this program sends 1500"),
     "switch": (override(chan6=1000), SAME, "RC channel 6 is at 1000 us, where this program sends 1900"),
@@ -98,6 +98,7 @@ def test_a_station_that_acts_ends_the_run(tmp_path: Path, name: str) -> None:
 def test_without_the_rule_the_other_drives_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     rules = tuple(rule for rule in right_to_move.RULES if rule is not right_to_move.undisputed)
     monkeypatch.setattr(right_to_move, "RULES", rules)
+    applet_without(monkeypatch, tmp_path, ('return string.format("thr %d us", throttle or 0)', "return nil"))
     fault = station("throttle", override(chan3=1760), SAME)
     outcome = played(tmp_path, [(At("sweep", 1.0), fault)], limit=40.0, after=1.0)
     row = next(row for row in outcome.record.rows if row.t > 38.0)

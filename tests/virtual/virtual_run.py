@@ -16,10 +16,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from unittest import mock
 
+import pytest
 from virtual_line import VirtualLine
 from virtual_record import Record
 from virtual_world import At, Fault, Killed, Overran, World
 
+from firmware_params.applet_parameters import applet_source
 from rover_sweep.errors import RoverSweepError
 from rover_sweep.manoeuvre.sweep import Manoeuvre, Sweep
 from rover_sweep.session.content import SessionRun
@@ -30,6 +32,7 @@ from rover_sweep.vehicle.link.connection import Access
 from rover_sweep.vehicle.link.link import Link
 from rover_sweep.vehicle.run.controls import RunSettings
 from rover_sweep.vehicle.run.one_run import one_run
+from sitl import embedded
 
 SWEEP = Sweep(amplitude=100, w_min=3, w_max=20, t_rec=8, fade=0.5, dwell=0.5, straight=1)
 LIMITS = {"gcs": 1.0, "v_min": 1.0, "v_max": 5.0, "still": 1.0}
@@ -169,6 +172,17 @@ def session_played(
     plan = SessionPlan(planned, SETTINGS, logs=False)
     program = drive("virtual:", folder / "session", plan, VirtualLine(world))
     return _outcome(world, program, asked=runs, after=after, back=back)
+
+
+def applet_without(monkeypatch: pytest.MonkeyPatch, folder: Path, *changes: tuple[str, str]) -> None:
+    """From now on rovers boot with the applet in which each `old` is its `new`, kept in that folder."""
+    source = applet_source()
+    for old, new in changes:
+        assert source.count(old) == 1, old
+        source = source.replace(old, new)
+    changed = folder / embedded.APPLET.name
+    changed.write_text(source, encoding="utf-8")
+    monkeypatch.setattr(embedded, "APPLET", changed)
 
 
 def _outcome(world: World, program: Iterator[Event], asked: int, after: float, back: float) -> Outcome:
