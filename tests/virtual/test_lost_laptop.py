@@ -161,6 +161,7 @@ def test_killed_at_any_instant_nothing_is_left(tmp_path: Path, seed: int) -> Non
         outcome = played(
             tmp_path / str(number), [(At("connecting", at), kill())], limit=60.0, after=12.0, back=0.0
         )
+        outcome.world.run(5.0)  # a rover that is disarmed is not waited for
         rover = outcome.world.vehicle.rover
         assert rover is not None and outcome.killed, f"at {at:.2f} s"
         late = [row for row in outcome.record.rows if row.t > outcome.ended + 4.0]
