@@ -2,12 +2,18 @@
 
 import gc
 import os
+import signal
 from pathlib import Path
 from typing import Any
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before numpy: two workers share the cores
 
 import pytest
+
+# A shell starts what it puts into the background with these ignored; tests send them to programs.
+signal.signal(signal.SIGINT, signal.default_int_handler)
+if hasattr(signal, "SIGQUIT"):
+    signal.signal(signal.SIGQUIT, signal.SIG_DFL)
 
 DATA = Path(__file__).parent / "data"
 # folders whose conftest.py identifies or drives

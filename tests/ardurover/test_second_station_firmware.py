@@ -101,7 +101,8 @@ def test_a_parameter_that_it_sets_is_told(rover: tuple[Link, Any], tmp_path: Pat
 
 
 @pytest.mark.parametrize(
-    ("act", "words"), [(throttle, "RC channel 3 is at 1800 us"), (hold, "mode 4, not MANUAL")]
+    ("act", "words"),
+    [(throttle, "at 1800 us, which this program did not send"), (hold, "mode 4, not MANUAL")],
 )
 def test_what_it_does_ends_the_run(
     rover: tuple[Link, Any], tmp_path: Path, act: Callable[[Any], None], words: str
