@@ -1,4 +1,4 @@
-"""Draws a log: rover, driving, logging profile, and a fault or none. The same seed and number, the same log."""
+"""Draws a log: rover, driving, logging profile, a fault or none. The same seed and number: the same log."""
 
 from __future__ import annotations
 
@@ -56,16 +56,11 @@ class DrawnLog:
         """As plain data, without the place of the files."""
         return {name: value for name, value in asdict(self).items() if name != "sources"}
 
-    @property
-    def command(self) -> str:
-        """Draws this very log again."""
-        return f"python -m tests.recordings --seed {self.seed} --only {self.number} --keep DIR"
-
 
 @dataclass(frozen=True)
 class Wanted:
-    """What is fixed of a log that is drawn: "" for anything, fault "none" for a log without one, seconds 0 for
-    any length. engine may be left to be any of SHARES."""
+    """What is fixed of a log that is drawn: "" for anything, fault "none" for a log without one, seconds 0
+    for any length."""
 
     fault: str = ""
     profile: str = ""
@@ -105,8 +100,8 @@ def drawn_log(seed: int, number: int, folder: Path, wanted: Wanted = ANYTHING) -
     )
     known = truth.wheelbase if rng.uniform() < WHEELBASE_KNOWN else None
     return DrawnLog(
-        seed, number, name, driving, profile, seconds, fault.name if fault else "", bool(fault and fault.left_out),
-        sources, known, steering, per, truth,
+        seed, number, name, driving, profile, seconds, fault.name if fault else "",
+        bool(fault and fault.left_out), sources, known, steering, per, truth,
     )  # fmt: skip
 
 
@@ -172,8 +167,8 @@ def _saturated(drive: Piloted, rover: EngineRover, rng: Generator) -> Piloted:
 
 
 def _backwards(drive: Piloted, rover: EngineRover, rng: Generator) -> Piloted:
-    """Every third minute in reverse, slowly."""
-    back = (np.arange(drive.wanted.size) * 0.001) % 90 > 60
+    """A third of the time in reverse, slowly."""
+    back = np.abs((np.arange(drive.wanted.size) * 0.001) % 45 - 20) < 7
     return replace(drive, wanted=np.where(back, -0.4 * drive.wanted, drive.wanted))
 
 

@@ -1,7 +1,7 @@
 """The same drives as logs of other systems: PX4's ULog, ROS bags, and .csv of six exporters.
 
-Each writer names, orders and scales its columns as its exporter does. `steering` says what a profile records of
-the steering: "us", the angle that was commanded, or the measured angle of the wheels.
+Each writer names, orders and scales its columns as its exporter does. `steering` says what a profile records
+of the steering: "us", the angle that was commanded, or the measured angle of the wheels.
 """
 
 from __future__ import annotations
@@ -157,7 +157,8 @@ def joined_csv(drive: Recorded, folder: Path, rng: Generator) -> str:
     columns = [
         ("RCOU.C1", x["us"][held]), ("RCOU.C3", x["throttle"][held]), ("IMU.GyrX", x["p"][at]),
         ("IMU.GyrZ", -x["r"][at]), ("IMU.AccX", x["ax"][at]), ("IMU.AccY", -x["ay"][at]),
-        ("IMU.AccZ", -x["az"][at]), ("ATT.Yaw", np.degrees(-x["psi"][at]) % 360.0), ("GPS.Spd", x["ground"][fix]),
+        ("IMU.AccZ", -x["az"][at]), ("ATT.Yaw", np.degrees(-x["psi"][at]) % 360.0),
+        ("GPS.Spd", x["ground"][fix]),
     ]  # fmt: skip
     shown = _with_clock(drive, "TimeUS", 1e6 * (20 + stamps(drive, at, "all")), _shown(drive, columns))
     _rows(folder / "00000042.csv", shown)
@@ -197,7 +198,8 @@ def topics_csv(drive: Recorded, folder: Path, rng: Generator) -> str:
     def imu(at: Array) -> Columns:
         zero = np.zeros(at.size)
         return [
-            ("angular_velocity.x", x["p"][at]), ("angular_velocity.y", zero), ("angular_velocity.z", x["r"][at]),
+            ("angular_velocity.x", x["p"][at]), ("angular_velocity.y", zero),
+            ("angular_velocity.z", x["r"][at]),
             ("linear_acceleration.x", x["ax"][at]), ("linear_acceleration.y", x["ay"][at]),
             ("linear_acceleration.z", x["az"][at]),
         ]  # fmt: skip

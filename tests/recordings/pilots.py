@@ -1,7 +1,7 @@
 """How the drawn rovers are driven: steering [us] at the main loops and wanted speed, by five kinds of pilot.
 
-By hand and in stop and go a stick moves at a finite rate; in a sweep the applet steers. In ACRO a turn rate is
-wanted and in AUTO a mission is followed: there an autopilot closes the loop, on the plant of tests/foreign,
+By hand and in stop and go a stick moves at a finite rate; in a sweep the applet steers. In ACRO a turn rate
+is wanted and in AUTO a mission is followed: there an autopilot closes the loop on the plant of tests/foreign,
 with its own guesses of the rover. Other engines are then driven with the same steering.
 """
 

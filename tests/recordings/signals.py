@@ -27,8 +27,8 @@ REPEATED, REPEATED_SHARE = "repeated rows", 0.04  # flag: that share of the mess
 class Recorded:
     """A drive as its instruments have it, ISO axes, SI units, all (steps,) at 1 kHz from `BOOT_S` on.
 
-    x: us (steering output), stick, throttle (us), r, p, ax, ay, az, phi, psi, north, west (EKF velocity, m/s),
-    ground (GPS speed), course (GPS, left positive), wheel (encoder, m/s), angle (of the wheels, rad),
+    x: us (steering output), stick, throttle (us), r, p, ax, ay, az, phi, psi, north, west (EKF velocity,
+    m/s), ground (GPS speed), course (GPS, left positive), wheel (encoder, m/s), angle (of the wheels, rad),
     command (the angle that is asked for, rad), x, y (m).
     holes: (begin, end) s in which nothing is logged; lost: share of messages that are lost besides. late:
     {group of signals: s} by which the stamps of a group are late. names: {column: the name it is given}.
