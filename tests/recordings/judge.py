@@ -228,9 +228,11 @@ def figures(found: Sequence[Marked]) -> str:
 
 def _figure(title: str, right: Iterable[bool], least: float) -> str:
     marks = list(right)
-    share = sum(marks) / len(marks) if marks else 1.0
+    if not marks:
+        return f"NOT SEEN   {title}"
+    share = sum(marks) / len(marks)
     verdict = "PASS" if share >= least else "FALL SHORT"
-    shown = f"{sum(marks)} of {len(marks)}, {100 * share:.0f} %" if marks else "none"
+    shown = f"{sum(marks)} of {len(marks)}, {100 * share:.0f} %"
     return f"{verdict:10} {title}: {shown} (at least {100 * least:.0f} %)"
 
 
