@@ -13,7 +13,7 @@ from typing import Any
 
 import rover_sweep as rs
 from tests.foreign.plant import GRAVITY
-from tests.recordings.draw import LIMIT_US, NEUTRAL, TEN_MINUTES, DrawnLog, Wanted, drawn_log
+from tests.recordings.draw import NEUTRAL, TEN_MINUTES, DrawnLog, Wanted, drawn_log
 from tests.recordings.faults import BY_NAME
 from tests.recordings.rovers import Truth
 
@@ -79,7 +79,7 @@ def true_value(name: str, log: Mapping[str, Any], answer: Mapping[str, Any]) -> 
         "straight": lambda: _straight(truth, log, numbers["straight"][0]),
         "rad_per_us": lambda: truth.rad_per_us,
         "steering_ratio": lambda: 1 / log["per"],
-        "least_radius": lambda: 100 / (curvature * (LIMIT_US + abs(truth.straight - NEUTRAL))),
+        "least_radius": lambda: truth.tightest,
         "delay": lambda: delay,
         "lag": lambda: lag,
         "response_time": lambda: delay + lag,
@@ -88,7 +88,6 @@ def true_value(name: str, log: Mapping[str, Any], answer: Mapping[str, Any]) -> 
         "characteristic_speed": lambda: 1 / sqrt(truth.understeer) if truth.understeer > 0 else inf,
         "critical_speed": lambda: 1 / sqrt(-truth.understeer) if truth.understeer < 0 else inf,
         "bend": lambda: 100 * max(truth.bend, 0.0),  # of tyres, which only lose
-        "steering_curve": lambda: None if log["fault"] == "saturated steering" else 0.0,
     }
     return found[side]() if side in found else None
 

@@ -27,6 +27,7 @@ SHARES = {"foreign": 0.45, SITL: 0.2, "commonroad": 0.15, "slipx": 0.1, "mujoco"
 LIMIT_US = 400.0  # the servo's ends, from 1500 us
 SETTLE, HELD = 9.0, 5.0  # s of a step of the truth: before it, and after it
 GENTLE, PROBED = 0.15, (0.4, 0.7, 1.0)  # share of the large steering; speeds, in shares of the rover's
+SLOW = 0.3  # share of the rover's speed in its tightest turn
 FRICTION = 1.0  # of the sitl plant, whose tyres bend
 
 
@@ -37,7 +38,8 @@ class Truth:
     curvature: of the path at walking pace, 1/m per 100 us; understeer: K_us over the wheelbase, s^2/m^2;
     straight: us; direction: the way that a larger output turns, 1 left, -1 right; delay: s in which nothing
     moves; lag: s by which the turn is later, at each of `speeds` [m/s]; servo: s of it by which the wheels
-    are late; bend: how much less it turns at 3 m/s^2; rad_per_us, wheelbase [m] of the linkage.
+    are late; bend: how much less it turns at 3 m/s^2; rad_per_us, wheelbase [m] of the linkage; tightest:
+    radius [m] at the servo's farther end at walking pace; large angles turn by more than in proportion.
     """
 
     curvature: float
@@ -51,6 +53,7 @@ class Truth:
     bend: float
     rad_per_us: float
     wheelbase: float
+    tightest: float | None = None
 
     def curvature_at(self, speed: float) -> float:
         """At a speed [m/s], 1/m per 100 us."""
@@ -173,6 +176,8 @@ def true_numbers(name: str, rover: EngineRover, mirrored: bool) -> Truth:
     felt = hard[1] / 100 * large * hard[0] ** 2
     bend = (there / hard[1] - 1) * (3.0 / felt) ** 2
     straight = rover.trim_us
+    far = LIMIT_US + abs(straight - NEUTRAL)
+    tightest = 100 / (far * _step(used, rover, far, SLOW * rover.speed)[1])
     return Truth(
         float(1 / at_rest),
         understeer,
@@ -185,6 +190,7 @@ def true_numbers(name: str, rover: EngineRover, mirrored: bool) -> Truth:
         float(bend),
         rover.rad_per_us,
         rover.numbers.a + rover.numbers.b,
+        float(tightest),
     )
 
 

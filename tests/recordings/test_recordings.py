@@ -37,6 +37,8 @@ def test_steps_show_the_numbers_of_the_single_track(engine):
         d0 = both * base / v - n.m * v * (n.a * n.Cf - n.b * n.Cr)
         late = d1 / d0 - n.a * n.Cf * n.m * v / both + 1 / n.gain
         assert lag == pytest.approx(late, abs=0.004)
+    far = (400 + abs(rover.trim_us - 1500)) * rover.rad_per_us
+    assert found.tightest == pytest.approx(base / np.tan(far), rel=0.05)
     assert found.direction == 1 and found.straight == pytest.approx(3000 - rover.trim_us)
 
 
