@@ -35,7 +35,7 @@ THROTTLE = 1710  # us, 2.5 m/s
 SWEEPING, INTO = 6, 1.0  # SWP_ST; s
 BACK = 10.0  # s with the link as it was, after the run
 FARTHEST, HOLD, ASLEEP = 12.0, 4, 15.0  # m after a laptop is lost; mode; s
-MAY_BE_LATE, OVERRIDE_HOLDS = 1.0, 1.25  # s, as in tests/virtual
+MAY_BE_LATE, OVERRIDE_HOLDS = 1.0, 1.5  # s, as in tests/virtual
 WINDS_DOWN = 0.55  # s from 1710 us to trim: 52 % at MOT_SLEWRATE's 100 %/s, and a message in flight
 
 

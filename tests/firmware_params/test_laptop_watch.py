@@ -7,7 +7,7 @@ from collections.abc import Callable
 import pytest
 from applet_bench import HIGH, SOONEST_S, Bench, Drive, moving, mutant, throw_switch, without
 
-TRIM, THROTTLE, LAPSE, HELD = 1500, 1710, 1.5, 1.25
+TRIM, THROTTLE, LAPSE, HELD = 1500, 1710, 1.75, 1.5
 HOLD, MANUAL = 4, 0
 SHORT = {"still": 0, "trec": 60, "dwell": 0, "fade": 0, "straight": 0.5, "v_min": 1, "v_max": 4}
 STRAIGHT, STOPPED = 3, 10
@@ -24,9 +24,11 @@ class Laptop:
     def bench(self) -> Bench:
         return self.drive.bench
 
-    def declares(self) -> None:
+    def declares(self, arms: bool = True) -> None:
+        self.bench.is_armed = False
         self.bench.parameters |= {"SWP_THR": THROTTLE * self.drives, "SWP_LAPSE": LAPSE}
-        self.go(0.3)
+        self.go(0.4)
+        self.bench.is_armed = arms
 
     def go(self, seconds: float) -> None:
         for _ in range(round(seconds / 0.2)):
@@ -116,8 +118,7 @@ def test_armed_without_a_run_is_watched_too() -> None:
 
 def test_disarmed_it_is_only_forgotten() -> None:
     laptop = Laptop(Drive(moving(0.0)))
-    laptop.bench.is_armed = False
-    laptop.declares()
+    laptop.declares(arms=False)
     laptop.bench.rc[3] = 1000  # the stick, where an override was lost
     laptop.go(0.4)
     assert laptop.bench.parameters["SWP_LAPSE"] == LAPSE
@@ -193,14 +194,94 @@ def test_a_script_that_starts_again_still_watches() -> None:
     assert bench.current_mode == HOLD and as_before(bench)
 
 
-def test_after_a_reboot_the_stored_override_time_stays() -> None:
+def test_after_a_reboot_the_stored_override_time_stays_and_nobody_is_watched() -> None:
     bench = driven().bench
     bench.parameters["RC_OVERRIDE_TIME"] = 3.0  # as in storage
     bench.is_armed = False
     again = Drive(bench)
-    assert bench.parameters["RC_OVERRIDE_TIME"] == LAPSE
-    again.run(2.0)
-    assert as_before(bench) and bench.current_mode == MANUAL
+    assert as_before(bench)
+    bench.is_armed = True
+    bench.rc[3] = 1650
+    again.run(3.0)
+    assert bench.current_mode == MANUAL
+
+
+def test_who_arms_after_a_silence_is_held() -> None:
+    """The order to arm came through, or late, and what the ground station does since is unknown."""
+    laptop = Laptop(Drive(moving(0.0)))
+    laptop.declares(arms=False)
+    laptop.drive.run(4.0)
+    assert as_before(laptop.bench)
+    laptop.bench.is_armed = True
+    laptop.drive.run(SOONEST_S)
+    assert laptop.bench.current_mode == HOLD
+    laptop.bench.current_mode = MANUAL
+    laptop.drive.run(3.0)
+    assert laptop.bench.current_mode == MANUAL, "only once"
+
+
+def test_who_arms_a_minute_after_a_silence_is_not() -> None:
+    laptop = Laptop(Drive(moving(0.0)))
+    laptop.declares(arms=False)
+    laptop.drive.run(64.0)
+    laptop.bench.is_armed = True
+    laptop.drive.run(1.0)
+    assert laptop.bench.current_mode == MANUAL
+
+
+def test_an_armed_rover_is_not_taken_over() -> None:
+    """SWP_LAPSE and SWP_THR out of a file of parameters, while the pilot drives."""
+    laptop = Laptop(Drive(moving(2.0)))
+    laptop.bench.parameters |= {"SWP_THR": THROTTLE, "SWP_LAPSE": LAPSE}
+    laptop.bench.rc[3] = 1650
+    laptop.drive.run(3.0)
+    assert laptop.bench.current_mode == MANUAL and laptop.bench.parameters["RC_OVERRIDE_TIME"] == 3.0
+
+
+def test_what_a_slow_link_delivers_after_the_loss_is_given_back_at_once() -> None:
+    laptop = driven()
+    laptop.drive.run(2.5)
+    bench = laptop.bench
+    assert bench.current_mode == HOLD
+    bench.current_mode, bench.rc[3], bench.given_back = MANUAL, TRIM, []
+    laptop.drive.run(5.0)
+    assert not bench.given_back
+    bench.rc[3] = THROTTLE
+    laptop.drive.run(SOONEST_S)
+    assert set(bench.given_back) == {1, 3, 6}
+    bench.given_back = []
+    laptop.drive.run(1.0)
+    assert not bench.given_back, "a lost radio would not be missed"
+
+
+def test_an_override_keeps_no_throw_of_the_pilots_own_switch() -> None:
+    """His switch is high beneath the override, which ends."""
+    laptop = Laptop(Drive(moving(2.0, **SHORT)), drives=False)
+    laptop.bench.switch = 0
+    laptop.declares()
+    laptop.bench.parameters["SWP_GO"] = 7  # written, and its program killed
+    laptop.go(0.2)
+    laptop.bench.heard_ms = laptop.bench.now // 1000
+    laptop.drive.run(2.0)
+    laptop.bench.switch = HIGH
+    laptop.drive.run(0.5)
+    assert laptop.bench.parameters["SWP_RUN"] == 0 and "needs a new SWP_GO" in laptop.bench.texts[-1]
+
+
+@pytest.mark.parametrize("name", ["SWP_BACK", "SWP_VER"])
+def test_what_belongs_to_no_run_refuses_none(name: str) -> None:
+    drive = Drive(moving(2.0, **SHORT))
+    drive.bench.parameters[name] = 1e6
+    throw_switch(drive)
+    drive.run_until(STRAIGHT)
+
+
+def test_what_was_before_is_kept_from_others() -> None:
+    laptop = driven()
+    laptop.bench.parameters |= {"SWP_BACK": 1e9, "SWP_THR": 0.0}
+    laptop.go(0.4)
+    laptop.drive.run(2.5)
+    assert laptop.bench.current_mode == HOLD and as_before(laptop.bench)
 
 
 def test_the_time_after_which_a_radio_is_lost_is_short_meanwhile() -> None:
@@ -228,7 +309,15 @@ def test_after_a_lost_laptop_a_run_needs_a_new_number() -> None:
     ("source", "holds"),
     [
         (without("vehicle:set_mode(laptop.HOLD)"), False),
-        (mutant(("local reason = laptop.lost(seen)", "local reason = nil")), False),
+        (
+            mutant(
+                (
+                    "local reason, drives = laptop.lost(seen), laptop.thr ~= 0",
+                    "local reason, drives = nil, false",
+                )
+            ),
+            False,
+        ),
         (mutant(("seconds_since(laptop.moved) <= laptop.lapse - laptop.MARGIN_S", "true")), False),
         (mutant(("laptop.seen, laptop.moved = steering, micros()", "laptop.moved = micros()")), False),
     ],
@@ -252,7 +341,7 @@ def test_without_its_line_another_throttle_drives() -> None:
     ("line", "kept"),
     [
         ("channel:set_override(0)", lambda bench: not bench.given_back),
-        ("laptop.time:set(parameter.BACK:get())", lambda b: b.parameters["RC_OVERRIDE_TIME"] == LAPSE),
+        ("laptop.time:set(laptop.before)", lambda b: b.parameters["RC_OVERRIDE_TIME"] == LAPSE),
         ("parameter.THR:set_and_save(0)", lambda bench: bench.parameters["SWP_THR"] == THROTTLE),
     ],
 )

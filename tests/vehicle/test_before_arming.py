@@ -107,7 +107,7 @@ def test_the_override_lapses_sooner_in_a_run_and_as_before_after_it(link, vehicl
     while_armed = [
         vehicle.parameters["RC_OVERRIDE_TIME"] for e in run(link, tmp_path) if isinstance(e, Armed)
     ]
-    assert while_armed == [1.5]
+    assert while_armed == [1.75]
     assert wait_until(lambda: vehicle.parameters["RC_OVERRIDE_TIME"] == 3.0)
 
 

@@ -32,7 +32,7 @@ class Run:
         self.clock = VehicleClock()
         self.right = RightToMove(self, self.clock, limits)  # type: ignore[arg-type]
         self.go(0.5)
-        self.right.watched(1.0, 3.0)
+        self.right.watched(1710, 1.0, 3.0)
         self.right.thrown(before=7, go=GO)
         self.number, self.state, self.speed = 8, SWEEP, 2.0
         self.go(0.5)

@@ -221,7 +221,7 @@ def test_another_applet_is_not_driven(tmp_path: Path, monkeypatch, changed: str)
 # ---- Without the rule.
 
 
-UNWATCHED = ("local reason = laptop.lost(seen)", "local reason = nil")
+UNWATCHED = ("local reason, drives = laptop.lost(seen), laptop.thr ~= 0", "local reason, drives = nil, false")
 UNCAPPED = ("if math.abs(now - laptop.lapse) > 0.001 then", "if false then")
 
 

@@ -26,7 +26,7 @@ from rover_sweep.vehicle.run.right_to_move import Rule
 
 MAY_BE_LATE = 1.0  # s
 WINDS_DOWN = 0.4  # s that the throttle output takes to trim (MOT_SLEWRATE), and a message in flight
-OVERRIDE_HOLDS = 1.25  # s until the applet goes to HOLD
+OVERRIDE_HOLDS = 1.5  # s until the applet goes to HOLD
 WAITING_LIMIT = 15.0  # s that the throttle is held for, waiting for speed
 WAITING, STEERED, NOT_DRIVEN = (2,), (3, 4, 5, 6, 7, 8), (0, 1, 9, 10)  # SWP_ST
 

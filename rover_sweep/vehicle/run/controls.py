@@ -2,7 +2,7 @@
 
 An override is sent in bursts. While we drive, each one moves the steering channel by a us or two, within the
 dead zone. That shows the applet that this program is alive; without it, it goes to HOLD before the override
-lapses. RC_OVERRIDE_TIME (3 s; 1.5 s in a run) after the last one the radio is in charge again.
+lapses. RC_OVERRIDE_TIME (3 s; 1.75 s in a run) after the last one the radio is in charge again.
 """
 
 from __future__ import annotations
@@ -57,10 +57,15 @@ def find_channels(link: Link) -> Channels:
     have = read_present(link, names)
     steering, throttle = int(have.get("RCMAP_ROLL", 1)), int(have.get("RCMAP_THROTTLE", 3))
     trims = read_present(link, [f"RC{steering}_TRIM", f"RC{throttle}_TRIM"])
+    if (switch := _switch(have)) in (steering, throttle):
+        raise UsageError(
+            f"SWP_CHAN {switch} is the channel of a stick; set it to that of a switch, or to 0 with "
+            "RC6_OPTION 300"
+        )
     return Channels(
         steering,
         throttle,
-        _switch(have),
+        switch,
         int(trims.get(f"RC{steering}_TRIM", 1500)),
         int(trims.get(f"RC{throttle}_TRIM", 1500)),
     )

@@ -7,7 +7,7 @@ Ctrl-C also stops the applet. While this program moves the rover, `RightToMove` 
 link whether it still may; once it may not, the run is over.
 
 Stop paths on the vehicle, which need no laptop: the pilot throws the switch low, disarms or changes the mode;
-if we drive, the applet puts the rover into HOLD 1.25 s after our last override, before it lapses
+if we drive, the applet puts the rover into HOLD 1.5 s after our last override, before it lapses
 (`takeover`); the applet stops on RC loss, GCS loss (SWP_GCS) and on its own limits; its servo override has a
 timeout, so that even after a script error the pilot steers again within a fraction of a second. The applet
 starts only one run for each new value of SWP_GO, which is drawn before each run and tells whose run it is.
@@ -226,6 +226,7 @@ def one_run(
     notes on all that could not be released.
     """
     link.record_to(tlog)
+    catch_up(link)  # an old clock would look like a fast simulation (`Takeover`)
     began = link.line.monotonic(), link.clock.now
     asked_for = parameters_of(manoeuvre, **settings.extra)
     yield from _upload(link, asked_for)
@@ -340,7 +341,7 @@ def _start(
 ) -> Generator[Event, None, float]:
     """Arm, throw the switch and wait for the applet; returns the time of the switch [s, vehicle's clock]."""
     controls.take()
-    right.watched(*takeover.declare())
+    right.watched(settings.throttle_us or 0, *takeover.declare())
     yield from _arm(link, controls, follower, settings)
     yield from follower.take()
     yield Armed(link.clock.now)

@@ -239,7 +239,7 @@ class RightToMove:
         self._speed, self._armed, self._mode = math.nan, False, _MANUAL
         self._rssi, self._channels, self._no_transmitter = 0, dict[int, int](), ""
         self._go = self._whose = 0
-        self._watch, self._meddled = True, math.nan
+        self._watch, self._throttle, self._meddled = True, 0, math.nan
         self._lapses: tuple[float, ...] = ()
         self._sent: list[tuple[float, Mapping[int, int]]] = []
         self._foreign: list[tuple[float, int, int]] = []
@@ -248,9 +248,10 @@ class RightToMove:
         """From now on this program overrides these RC channels {number: us}."""
         self._sent.append((self._clock.now, dict(override)))
 
-    def watched(self, *lapses: float) -> None:
-        """From now on the applet watches. lapses: values that RC_OVERRIDE_TIME may have [s]."""
-        self._watch, self._lapses = True, lapses
+    def watched(self, throttle: int, *lapses: float) -> None:
+        """From now on the applet watches. throttle: SWP_THR [us]; lapses: values that RC_OVERRIDE_TIME may
+        have [s]."""
+        self._watch, self._throttle, self._lapses = True, throttle, lapses
 
     def thrown(self, before: int, go: int) -> None:
         """The switch goes high now. before: SWP_RUN until now, which the new run raises; go: its SWP_GO."""
@@ -311,7 +312,7 @@ class RightToMove:
             if self._begun and self._run == self._begun:
                 self._whose = value
         elif name == "SWP_THR":
-            self._watch = value != 0 or not self._limits.drives
+            self._watch = value == self._throttle or not self._throttle
         elif name == "SWP_ST":
             self._reported = now
             if value != self._state:

@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from firmware_params.applet_parameters import SWITCH_HIGH
 from rover_sweep.errors import LinkError, RoverSweepError, UsageError
 from rover_sweep.system import another_stop
 from rover_sweep.vehicle.link.link import Link
@@ -23,7 +24,7 @@ from rover_sweep.vehicle.parameters import read_parameter, read_present, write_p
 from rover_sweep.vehicle.run.controls import NEUTRAL_ZONE, Channels, pump
 
 OVERRIDE_TIME = "RC_OVERRIDE_TIME"
-LAPSE = 1.5  # s that an override lasts after our last message; the applet acts 0.25 s earlier
+LAPSE = 1.75  # s that an override lasts after our last message; the applet acts 0.25 s earlier
 _LONGEST = 3.0  # s, ArduPilot's default
 _HURRIED, _TOO_SHORT = 1.5, 0.02  # times real time; s
 _CLEARS = 4.0  # s within which the applet ends the watch over a station that is gone
@@ -62,19 +63,32 @@ class Takeover:
                 "set it to 3, or let the pilot drive and throw the switch"
             )
         self._refuse_second_station()
-        if self._throttle is None:
-            return
+        if self._throttle is not None and self._link.armed:
+            raise UsageError(
+                "the rover is armed already, and this program drives only a rover that it armed itself: "
+                "disarm it"
+            )
         radio = self._link.request_message("RC_CHANNELS")
         if radio is None:
             raise LinkError(
                 "the rover does not report its radio channels (RC_CHANNELS), so its sticks are unknown"
             )
         channels = self._channels
+        self._refuse_high_switch(int(getattr(radio, f"chan{channels.switch}_raw")))
+        if self._throttle is None:
+            return
         for name, number, trim in (
             ("throttle", channels.throttle, channels.throttle_trim),
             ("steering", channels.steering, channels.steering_trim),
         ):
             self._refuse_off_trim(name, number, trim, int(getattr(radio, f"chan{number}_raw")))
+
+    def _refuse_high_switch(self, us: int) -> None:
+        if SWITCH_HIGH < us < _NO_RADIO[1]:
+            raise UsageError(
+                f"switch {self._channels.switch} is high ({us} us): it would start a run when this program's "
+                "override of it ends; throw it low, then start again"
+            )
 
     def _refuse_off_trim(self, name: str, number: int, trim: int, us: int) -> None:
         if us in _NO_RADIO:
@@ -87,7 +101,8 @@ class Takeover:
             raise UsageError(
                 f"the {name} stick (RC{number}) is at {us} us, its neutral at {trim} us (RC{number}_TRIM): "
                 "the rover would follow the stick as soon as this program lets go. Centre the stick (one "
-                "without a spring stays there), then start again"
+                f"without a spring stays there), then start again; its dead zone is {zone:g} us "
+                f"(RC{number}_DZ)"
             )
 
     def _refuse_second_station(self) -> None:
@@ -95,8 +110,8 @@ class Takeover:
         while (lapse := read_parameter(self._link, "SWP_LAPSE")) > 0:
             if self._link.line.monotonic() > deadline:
                 raise UsageError(
-                    f"another ground station overrides this rover (SWP_LAPSE {lapse:g} s), or the applet "
-                    "ended while one did; end the other program, or reboot the rover"
+                    f"another ground station overrides this rover (SWP_LAPSE {lapse:g} s): end it. If none "
+                    "does, the applet ended while one did: reboot the rover"
                 )
             pump(self._link, _LOOK)
 
