@@ -25,7 +25,7 @@ and after a change of SWP_CHAN. A disarm and arm between two updates cannot be s
 A ground station that overrides RC channels writes SWP_LAPSE [s] first, and before it SWP_THR [us] if it drives. While
 SWP_LAPSE is not 0, RC_OVERRIDE_TIME has its value, but not in storage; what it was is kept in SWP_BACK and comes back.
 One that drives moves the steering channel by a us or two with each message. If that does not come until 0.25 s before
-the override is over, or the throttle channel is neither at SWP_THR nor at its trim, or SWP_LAPSE is set to 0 while
+the override is over, or not while it is disarmed and somebody then arms, or the throttle channel is neither at SWP_THR nor at its trim, or SWP_LAPSE is set to 0 while
 armed, the ground station or its override is lost: the vehicle goes to HOLD (or disarms, if it cannot), before the
 throttle stick has the motor. The pilot takes it back with the mode switch. A run that the pilot drives is never put
 into HOLD.
@@ -405,6 +405,12 @@ function go.refuse(values)
     return nil
 end
 
+-- From now on a run needs an SWP_GO that is written later: overrides begin or end, and beneath them the pilot's own
+-- switch may be high.
+function go.lock()
+    go.used, go.locked_by, go.high = parameter.GO:get(), go.locked_by or parameter.RUN:get(), false
+end
+
 -- A run begins with this SWP_GO.
 function go.take(values)
     values.asked = values.GO ~= go.used
@@ -427,7 +433,12 @@ local laptop = {
     seen = nil, -- value of the steering channel [us], which moved at `moved`
     moved = uint32_t(0),
     meddled = nil, -- RC_OVERRIDE_TIME as somebody else set it meanwhile
-    time = nil, -- the parameter RC_OVERRIDE_TIME
+    time = nil, -- the parameter RC_OVERRIDE_TIME; before: its value before
+    gone = nil, -- when it went silent while disarmed: who arms soon after did not know
+    ghost = nil, -- throttle [us] of one that is lost: what a slow link delivers later is given back at once
+    GONE_S = 60.0,
+    GHOST_S = 1.5, -- longer than the firmware needs to miss a radio, which an override given back conceals
+    OWN = { THR = true, LAPSE = true, BACK = true, VER = true }, -- parameters that belong to no run
     MARGIN_S = 0.25, -- HOLD comes so long before the override is over; an update may be 72 ms late
     HOLD = 4, -- mode
 }
@@ -443,14 +454,18 @@ end
 function laptop.enter(lapse, resumed)
     laptop.time = laptop.time or Parameter("RC_OVERRIDE_TIME")
     local now = laptop.time:get()
+    go.lock()
     laptop.on, laptop.lapse, laptop.meddled, laptop.moved = true, lapse, nil, micros()
+    laptop.gone, laptop.ghost = nil, nil
     laptop.map = param:get("RCMAP_THROTTLE") and Parameter("RCMAP_THROTTLE") -- takes effect at once
     laptop.thr = parameter.THR:get() -- what somebody else writes there later does not count
     laptop.steering, laptop.throttle = laptop.channel("RCMAP_ROLL", 1), laptop.channel("RCMAP_THROTTLE", 3)
     laptop.rest = param:get(string.format("RC%d_TRIM", laptop.throttle)) or 1500
-    if not resumed or now ~= lapse then
-        parameter.BACK:set_and_save(now)
-    end
+    local switch = channel_number(parameter.CHAN:get()) or 0
+    laptop.channels = { rc:get_channel(laptop.throttle), rc:get_channel(laptop.steering) }
+    laptop.channels[3] = switch > 0 and rc:get_channel(switch) or rc:find_channel_for_option(AUX_FUNCTION)
+    laptop.before = resumed and now == lapse and parameter.BACK:get() or now
+    parameter.BACK:set_and_save(laptop.before)
     laptop.time:set(lapse)
     laptop.missed = param:get("RC_FS_TIMEOUT") -- since 4.7; before it is 0.5 s
     if laptop.missed and laptop.missed > 0.5 then
@@ -459,15 +474,19 @@ function laptop.enter(lapse, resumed)
     gcs:send_named_float("SWP_THR", laptop.thr)
 end
 
--- They are over, for whatever reason: none of them holds any longer, whatever RC_OVERRIDE_TIME is then.
-function laptop.leave()
-    local switch = channel_number(parameter.CHAN:get()) or 0
-    local channels = { rc:get_channel(laptop.throttle), rc:get_channel(laptop.steering) }
-    channels[3] = switch > 0 and rc:get_channel(switch) or rc:find_channel_for_option(AUX_FUNCTION)
-    for _, channel in ipairs(channels) do
+-- No override of its channels holds any longer.
+function laptop.give_back()
+    for _, channel in ipairs(laptop.channels) do
         channel:set_override(0)
     end
-    laptop.time:set(parameter.BACK:get())
+    laptop.given = micros()
+end
+
+-- They are over, for whatever reason: none of them holds any longer, whatever RC_OVERRIDE_TIME is then.
+function laptop.leave()
+    go.lock()
+    laptop.give_back()
+    laptop.time:set(laptop.before)
     if laptop.missed then
         param:set("RC_FS_TIMEOUT", laptop.missed)
     end
@@ -481,9 +500,12 @@ end
 function laptop.hold_lapse()
     local now = laptop.time:get()
     if math.abs(now - laptop.lapse) > 0.001 then
-        laptop.meddled = now
+        laptop.meddled, laptop.before = now, now
         parameter.BACK:set_and_save(now)
         laptop.time:set(laptop.lapse)
+    end
+    if parameter.THR:get() ~= laptop.thr then -- so that this script, started again, still knows
+        parameter.THR:set_and_save(laptop.thr)
     end
 end
 
@@ -524,23 +546,48 @@ function laptop.stop_vehicle(reason)
     end
 end
 
+-- What is done while nobody is watched. true: the vehicle was stopped.
+function laptop.after(seen)
+    local throttle = laptop.ghost and rc:get_pwm(laptop.throttle)
+    if throttle and throttle == laptop.ghost
+        and (laptop.seen ~= throttle or seconds_since(laptop.given) > laptop.GHOST_S) then
+        laptop.give_back()
+    end
+    laptop.seen = throttle
+    if laptop.gone and seconds_since(laptop.gone) > laptop.GONE_S then
+        laptop.gone = nil
+    elseif laptop.gone and seen.armed then
+        laptop.stop_vehicle("silent")
+        laptop.gone = nil
+        return true
+    end
+    return false
+end
+
 -- Looks after all this; the reason, when the vehicle was stopped because the laptop is lost.
 function laptop.watch(seen)
     local lapse = parameter.LAPSE:get()
     if lapse > 0 and not laptop.on then
-        laptop.enter(math.min(lapse, 3.0))
+        if seen.armed and parameter.THR:get() ~= 0 then -- it drives only what it armed itself
+            parameter.LAPSE:set_and_save(0)
+            say(WARNING, "refused: SWP_LAPSE while armed")
+        else
+            laptop.enter(math.min(lapse, 3.0))
+        end
     end
     if not laptop.on then
-        return nil
+        return laptop.after(seen) and "laptop lost: silent" or nil
     end
     laptop.hold_lapse()
-    local reason = laptop.lost(seen)
-    local stops = reason and seen.armed and laptop.thr > 0
+    local reason, drives = laptop.lost(seen), laptop.thr ~= 0
+    local stops = reason and seen.armed and drives
     if stops then
         laptop.stop_vehicle(reason)
     end
     if reason then
         laptop.leave()
+        laptop.ghost = drives and laptop.thr or nil
+        laptop.gone = drives and not seen.armed and reason == "silent" and micros() or nil
     end
     return stops and "laptop lost: " .. reason or nil
 end
@@ -575,7 +622,7 @@ end
 -- Why these parameters cannot be driven, or nil. `not (a <= b)` refuses NaN as well.
 local function refuse_parameters(v)
     for _, p in ipairs(PARAMETERS) do
-        if not (v[p[1]] >= p[3] and v[p[1]] <= p[4]) then
+        if not laptop.OWN[p[1]] and not (v[p[1]] >= p[3] and v[p[1]] <= p[4]) then
             return string.format("SWP_%s %g outside %g to %g", p[1], v[p[1]], p[3], p[4])
         end
     end
@@ -1021,6 +1068,9 @@ local function add_parameters()
     parameter.VER:set(tonumber(VERSION))
     if parameter.LAPSE:get() > 0 then
         laptop.enter(math.min(parameter.LAPSE:get(), 3.0), true)
+        if not arming:is_armed() then
+            laptop.leave()
+        end
     end
     return nil
 end
