@@ -50,7 +50,7 @@ def parameter_names(names: Sequence[str]) -> tuple[str, ...]:
 def check_settings(settings: Settings, runs: Sequence[Recording]) -> None:
     """UsageError for settings that are impossible with these runs."""
     longest = max(run.span[1] - run.span[0] for run in runs)
-    fastest = math.pi * min(run[c].rate for run in runs for c in ("delta", "r") if c in run)
+    fastest = math.pi * min(run.manoeuvre(c).rate for run in runs for c in ("delta", "r") if c in run)
     limits = (x for band in settings.bands.values() for x in band)
     numbers = [*(settings.band or ()), *(settings.windows or ()), *limits]
     if not all(math.isfinite(x) for x in numbers):

@@ -68,7 +68,7 @@ def through_linkage(run: Recording, vehicle: Vehicle) -> Recording:
     gap, limit = q.get("b", 0.0), vehicle.servo_rate_limit
     if not gap and limit is None:
         found = replace(delta, x=wanted)
-    elif delta.rate < SLOWEST:
+    elif run.manoeuvre("delta").rate < SLOWEST:
         found = replace(delta, x=wheel_behind_gap(wanted, gap))
     else:
         lag = vehicle.servo_lag.value if vehicle.servo_lag is not None else USUAL_LAG

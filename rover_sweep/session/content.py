@@ -172,6 +172,11 @@ class Content:
         done = {(run.name, run.manoeuvre) for run in self.runs if run.state == "done"}
         return tuple(run for run in self.plan if (run.name, run.manoeuvre) not in done)
 
+    @property
+    def left_armed(self) -> bool:
+        """Whether the last run may have left the rover armed; an earlier one is known to be over."""
+        return bool(self.runs) and self.runs[-1].left_armed
+
     def run(self, label: str) -> DrivenRun:
         """The run of that label. KeyError without one."""
         return {run.label: run for run in self.runs}[label]

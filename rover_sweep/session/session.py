@@ -57,10 +57,10 @@ def armed_by_last_run(content: Content, now: float) -> bool:
 
     now: time since the vehicle's boot [s].
     """
-    last = content.runs[-1] if content.runs else None
-    if last is None or not last.left_armed:
+    if not content.left_armed:
         return False
-    return last.span is None or 0 <= now - last.span[1] < _SAME_DRIVE
+    span = content.runs[-1].span
+    return span is None or 0 <= now - span[1] < _SAME_DRIVE
 
 
 def stop_and_disarm(link: Link, disarm: bool) -> Iterator[Event]:
@@ -194,7 +194,9 @@ def origin_words(folder: Path, runs: Sequence[Recording]) -> Iterator[str]:
     fetched = [log.file for log in read_folder(folder).logs]
     for file in dict.fromkeys(run.sources[0][0] for run in runs):
         mine = [run for run in runs if run.sources[0][0] == file]
-        steering, turning = mine[0]["pwm" if "pwm" in mine[0] else "delta"], mine[0]["r"]
+        # within the run: around it, in HOLD for minutes, the applet reports at 10 Hz
+        steering = mine[0].manoeuvre("pwm" if "pwm" in mine[0] else "delta")
+        turning = mine[0].manoeuvre("r")
         rates = (
             f"steering ({steering.source}) at {steering.rate:.0f} Hz, "
             f"gyro ({turning.source}) at {turning.rate:.0f} Hz"

@@ -196,7 +196,9 @@ def refuse_armed(link: Link) -> None:
     """LinkError on an armed rover, before anything is set."""
     if link.armed:
         raise LinkError(
-            "the rover is armed; disarm it first: this program does not set up or reboot an armed rover"
+            "the rover is armed, and this program does not set up or reboot an armed rover. Disarm it "
+            "with the transmitter, or with `rover-sweep preflight --connect URL --fix armed`; after a run "
+            "that was cut short, `rover-sweep resume` disarms it and goes on"
         )
 
 

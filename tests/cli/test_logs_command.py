@@ -89,4 +89,4 @@ def test_no_logs_and_mistakes_are_one_sentence_and_an_armed_rover_gives_none(
     where = ("--connect", fresh.connection, "--via", "mavsdk")
     for command in (("logs", "list"), ("logs", "fetch"), ("params", "push", "--yes")):
         done = run_program(*command, *where)
-        assert done.code == 4 and "armed; disarm" in done.err.splitlines()[-1]
+        assert done.code == 4 and "preflight --connect URL --fix armed" in done.err.splitlines()[-1]

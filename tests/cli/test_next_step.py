@@ -53,7 +53,7 @@ def named(run_program: RunProgram, capsys: pytest.CaptureFixture[str]) -> Callab
         ),
         (("firmware", "applet", "-o", "a.lua"), ["rover-sweep firmware check --connect URL"]),
         (("firmware", "params", "-o", "a.param"), ["rover-sweep firmware check --connect URL"]),
-        (("coherence", RUN), [f"rover-sweep identify {RUN} --vehicle rover.toml"]),
+        (("coherence", RUN), [f"rover-sweep identify {RUN} --out report"]),
         (("view", RUN, "--out", "page.html"), [f"rover-sweep coherence {RUN}"]),
     ],
     ids=lambda value: " ".join(value[:2]) if isinstance(value, tuple) else "",

@@ -8,17 +8,20 @@ import re
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from rover_sweep.api.read import load_runs
 from rover_sweep.cli.main import run
 from rover_sweep.cli.options import vehicle_path
+from rover_sweep.data.recording import Recording, Signal
 from rover_sweep.errors import DataRefused, UsageError
 from rover_sweep.manoeuvre.multisine import Multisine
 from rover_sweep.manoeuvre.sweep import BiasSweep, Doublet, Sweep, ThrottleSweep
 from rover_sweep.session.content import FetchedLog, SessionRun
 from rover_sweep.session.folder import Session, is_session, read_folder, without_run
-from rover_sweep.session.session import session_runs
+from rover_sweep.session.session import origin_words, session_runs
+from rover_sweep.vehicle.run.controls import MAY_BE_ARMED
 
 MISSING = object()
 PLAN = (
@@ -257,3 +260,42 @@ def test_a_tlog_between_the_runs_names_those_that_hold_one(tmp_path: Path) -> No
     assert f"no run in connect.tlog; {first}, {second} have one each" in str(refused.value)
     assert stopped not in str(refused.value)
     assert without_run(tmp_path / "none" / "connect.tlog") == "", "outside a session"
+
+
+@pytest.mark.parametrize(
+    ("ended", "all_driven", "said"),
+    [
+        (None, False, True),  # cut: the program was killed in the run
+        ("stopped", False, True),
+        ("stopped", True, True),
+        ("done", True, False),
+    ],
+)
+def test_status_says_first_that_the_rover_may_still_be_armed(tmp_path, ended, all_driven, said, capsys):
+    tlog = tmp_path / "sweep1.tlog"
+    with contextlib.closing(Session.open(tmp_path)) as session:
+        session.plan(() if all_driven else PLAN)
+        session.begun(PLAN[0], tlog, arming=True)
+        if ended:
+            session.ended(tlog, ended, "why", left_armed=said)
+    assert run(["status", str(tmp_path)]) == 0
+    told = capsys.readouterr()
+    first, disarm = told.out.splitlines()[0], "rover-sweep preflight --connect URL --fix armed"
+    assert (MAY_BE_ARMED in first and disarm in first and "sweep1 ended without" in first) == said
+    assert (disarm in told.err) == said
+    whole = f"rover-sweep identify {tmp_path} --out {tmp_path}/report"
+    assert whole in told.err if all_driven else "rover-sweep resume" in told.err
+
+
+def test_rates_are_those_within_the_run(tmp_path: Path) -> None:
+    """The applet reports at 10 Hz while it waits, longer than the sweep, and at 100 Hz in it."""
+    waits, sweeps = np.arange(0.0, 300.0, 0.1), np.arange(300.0, 320.0, 0.01)
+    t = np.concatenate((waits, sweeps))
+    channels = {
+        "pwm": Signal(t, np.sin(t), "us", "SWEP.Out", hold=True),
+        "r": Signal(t, np.cos(t), "rad/s", "IMU.GyrZ"),
+    }
+    made = Recording("sweep1", channels, (300.0, 319.9), "sweep", sources=(("log1.BIN", ""),))
+    assert made["pwm"].rate == pytest.approx(10.0)
+    (words,) = origin_words(tmp_path, [made])
+    assert "steering (SWEP.Out) at 100 Hz, gyro (IMU.GyrZ) at 100 Hz" in words

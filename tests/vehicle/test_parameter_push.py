@@ -100,12 +100,12 @@ def test_what_the_rover_keeps_is_told_and_the_others_are_set(link, vehicle, tmp_
 def test_an_armed_rover_is_left_alone(link: Link, vehicle: FakeVehicle, tmp_path: Path) -> None:
     vehicle.armed = True
     link.wait_for("HEARTBEAT", 5.0, lambda _: link.armed)
-    with pytest.raises(LinkError, match="armed; disarm it first"):
+    with pytest.raises(LinkError, match="the rover is armed.*preflight --connect URL --fix armed.*resume"):
         pushed(link, vehicle, tmp_path)
-    with pytest.raises(LinkError, match="armed; disarm it first"):
+    with pytest.raises(LinkError, match="the rover is armed.*preflight --connect URL --fix armed.*resume"):
         list(install(link, WANTED, None))
     check = Check("parameters", "bad", "", remedy=Remedy("set", sets=(("SWP_WMIN", 0.1),)))
-    with pytest.raises(LinkError, match="armed; disarm it first"):
+    with pytest.raises(LinkError, match="the rover is armed.*preflight --connect URL --fix armed.*resume"):
         list(remedy(link, check, False, tmp_path))
     assert vehicle.of_kind("PARAM_SET") == []
 

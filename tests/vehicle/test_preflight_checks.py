@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from typing import Any
 
@@ -133,6 +134,7 @@ def test_where_all_is_well_all_checks_say_so() -> None:
         ("switch", "bad", "switch 6 is high", seen(channels={1: 1500, 3: 1500, 6: 1900})),
         ("switch", "bad", "none has option 300", seen({"RC6_OPTION": 0.0})),
         ("mode", "bad", "the rover is in HOLD", seen(mode=4)),
+        ("applet", "doubtful", "SWP_V_MIN is 0, as for a test on a box", seen({"SWP_V_MIN": 0.0})),
         ("armed", "bad", "does not set it up or reboot it", seen(armed=True)),
     ],
 )
@@ -142,6 +144,24 @@ def test_what_is_wrong_is_told_and_nothing_else(name: str, state: str, said: str
     assert (found.remedy is None) == (state in ("good", "unknown"))
     others = {c.name for c in all_checks(what) if c.state != "good"} - {name}
     assert others <= SAME_NUMBERS
+
+
+def test_an_armed_rover_in_hold_is_taken_back_with_centred_sticks_and_the_mode_switch() -> None:
+    """The mode switch is read only when it moves, and in MANUAL the sticks act at once."""
+    back = "centre the sticks, then turn the mode switch to another position and back to MANUAL"
+    held = {name: check(name, seen(mode=4, armed=True)).remedy for name in ("mode", "armed")}
+    assert held["mode"] is not None and held["mode"].words == back and held["mode"].by_hand
+    assert held["armed"] is not None and held["armed"].words == f"disarm; to drive it from HOLD: {back}"
+    in_manual = check("armed", seen(armed=True)).remedy
+    assert in_manual is not None and in_manual.words == "disarm"
+
+
+def test_the_reason_for_the_gyro_filter_has_the_figures_of_the_check() -> None:
+    """The default of 4 Hz at the top of a 25 rad/s sweep, in preflight and in the file of parameters."""
+    loss = check("filters", seen({"INS_GYRO_FILTER": 4.0})).sentence
+    figures = re.search(r"(\d+ ms) of lag, (gain [.\d]+)", loss)
+    (reason,) = [p.reason for p in WANTED if p.name == "INS_GYRO_FILTER"]
+    assert figures is not None and all(figure in reason for figure in figures.groups()), (reason, loss)
 
 
 def test_the_source_is_the_log_else_the_telemetry_and_says_why() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shlex
 from collections.abc import Sequence
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
@@ -45,7 +46,8 @@ def coherence(
         for run, verdict in judged:
             _show(verdict, [note.text for note in run.notes if note.level == "warning"])
         if all(verdict.keep for _, verdict in judged):
-            say_next(f"rover-sweep identify {' '.join(runs)} --vehicle {vehicle or 'rover.toml'}")
+            given = shlex.join([*runs, *(("--vehicle", vehicle) if vehicle else ())])
+            say_next(f"rover-sweep identify {given} --out report")
         else:
             say_next("drive again what is not kept, with the amplitude above")
         return

@@ -221,7 +221,7 @@ def plan(
     console.print(on_terminal(plan_report(found)), width=min(console.width, WIDTH))
     to_drive = [_option(run) for run in found.proposal or found.runs if run.kind in _DRIVEN]
     if to_drive:
-        say_next(f"rover-sweep run --connect URL --vehicle rover.toml {' '.join(to_drive)}, at these speeds")
+        say_next(f"rover-sweep run --connect URL --vehicle rover.toml {' '.join(to_drive)} (at these speeds)")
 
 
 _DRIVEN = ("sweep", "doublet", "bias_sweep", "multisine")

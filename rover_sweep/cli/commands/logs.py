@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shlex
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -89,7 +90,7 @@ def fetch(
     if as_json:
         echo_json(json.dumps({"logs": [_file_document(f) for f in fetched]}, indent=2))
     elif fetched:
-        say_next(f"rover-sweep identify {fetched[-1].path} --vehicle rover.toml")
+        say_next(f"rover-sweep identify {shlex.quote(str(fetched[-1].path))} --out report")
 
 
 def _sentence(f: FetchedFile) -> str:
@@ -143,7 +144,7 @@ def view(
     ]
     path = write_file(page, log_page(Path(log).name, channels))
     results().print(f"page: {path}", soft_wrap=True)
-    say_next("open it in a browser", f"rover-sweep coherence {log}")
+    say_next("open it in a browser", f"rover-sweep coherence {shlex.quote(log)}")
 
 
 def _steering(unit: str, place: int) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shlex
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -13,7 +14,15 @@ import click
 from rover_sweep.cli.options import SESSION, argument, option, options, refuse_no_folder, write_text
 from rover_sweep.cli.vehicle_link import JSON_ALONE, LINK, VIA, LinkOptions
 from rover_sweep.cli.views.asking import confirmed, reboot_consent, refuse_unasked
-from rover_sweep.cli.views.output import echo, echo_json, narration, print_table, results, say_next
+from rover_sweep.cli.views.output import (
+    echo,
+    echo_json,
+    identify_command,
+    narration,
+    print_table,
+    results,
+    say_next,
+)
 from rover_sweep.errors import UsageError
 
 if TYPE_CHECKING:
@@ -25,6 +34,7 @@ if TYPE_CHECKING:
     from rover_sweep.vehicle.logs import Via
 
 _FILE = argument("[FILE]", default="identification")
+_DISARM = "rover-sweep preflight --connect URL --fix armed"
 _NOTES = Path()  # folder of reboot-pending.json: the current one
 
 
@@ -128,7 +138,7 @@ def pull(
         ]
         write_text(file, "\n".join([f"# {summary} ({vehicle.git_hash})", *lines, ""]), summary)
         if file != "-":
-            say_next(f"rover-sweep params diff {file} --connect {rover.connect}, after a change")
+            say_next(f"rover-sweep params diff {file} --connect {rover.connect} (after a change)")
     if as_json:
         echo_json(json.dumps({"firmware": vehicle.firmware, "parameters": values}, indent=2))
 
@@ -195,6 +205,7 @@ def status(
     from rover_sweep.report.document import Cell
     from rover_sweep.session.content import to_json
     from rover_sweep.session.folder import is_session, read_folder
+    from rover_sweep.vehicle.run.controls import MAY_BE_ARMED
 
     if not is_session(folder):
         raise UsageError(f"{folder} is not a session folder: it has neither session.json nor a .tlog")
@@ -204,6 +215,9 @@ def status(
         echo_json(json.dumps(document, indent=2, default=str))
         return
     console = results()
+    if content.left_armed:
+        cut = f"{content.runs[-1].label} ended without a confirmed disarm. {MAY_BE_ARMED}"
+        console.print(f"{cut}. `{_DISARM}` disarms it from here.", style="red", soft_wrap=True)
     firmware = content.vehicle.get("firmware", "an unknown rover")
     console.print(f"{folder}: {firmware}, {len(content.runs)} runs, {len(content.logs)} logs")
     if content.runs:
@@ -216,7 +230,8 @@ def status(
     left = ", ".join(f"{run.name} ({_describe(run.manoeuvre)})" for run in content.to_drive)
     remaining = f"still to drive: {left}" if left else "no runs remain"
     console.print(remaining, soft_wrap=True)
-    say_next(f"rover-sweep resume {folder} --connect URL" if left else f"rover-sweep identify {folder}")
+    on = f"rover-sweep resume {shlex.quote(str(folder))} --connect URL" if left else identify_command(folder)
+    say_next(*([_DISARM] if content.left_armed else []), on)
 
 
 def _verdict(run: DrivenRun) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import math
 import queue
+import shlex
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -94,7 +95,8 @@ def redrive(
             soft_wrap=True,
         )
     shown.print(f"{target}: {len(simulated)} run{'s' if len(simulated) != 1 else ''}", soft_wrap=True)
-    say_next(f"rover-sweep diagnose {log} --simulation {target} --vehicle {vehicle or 'rover.toml'}")
+    given = shlex.join([log, "--simulation", str(target), "--vehicle", vehicle or "rover.toml"])
+    say_next(f"rover-sweep diagnose {given} --out diagnosis")
 
 
 @contextmanager

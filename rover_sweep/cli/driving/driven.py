@@ -16,7 +16,7 @@ from rover_sweep.cli.driving.simulated import folder_with_rover, truth_table
 from rover_sweep.cli.driving_options import Permissions, RunCall, SimulationOptions
 from rover_sweep.cli.options import session_folder, vehicle_path
 from rover_sweep.cli.views.display import PlainDisplay
-from rover_sweep.cli.views.output import narration
+from rover_sweep.cli.views.output import identify_command, narration
 from rover_sweep.data.vehicle_file import load
 from rover_sweep.diagnosis.result import DiagnosisSettings
 from rover_sweep.errors import UsageError
@@ -77,8 +77,9 @@ def on_rover(
     if resumed is not None:
         content = read_folder(resumed)
         if not content.to_drive:
-            again = f"rover-sweep identify {resumed}"
-            raise UsageError(f"no runs remain in {resumed}; identify models with: {again}")
+            raise UsageError(
+                f"no runs remain in {resumed}; identify models with: {identify_command(resumed)}"
+            )
         runs, kept = content.plan, content.settings.get("extra", {})
     plan = rover_plan(runs, allowed, logs, kept)
     folder = resumed or _folder_for(out)

@@ -101,9 +101,7 @@ def _last_words(
     kept = _kept(folder, finished)
     if isinstance(stop, KeyboardInterrupt):
         if not (interrupted or unshown):
-            last = read_folder(folder).runs[-1:]
-            armed = any(run.left_armed for run in last)
-            moves = MAY_BE_ARMED if armed else "this program moves nothing"
+            moves = MAY_BE_ARMED if read_folder(folder).left_armed else "this program moves nothing"
             yield f"no run was in progress: {moves[0].lower()}{moves[1:]}"
         yield kept
     elif kept != _NOTHING:  # an error explains itself

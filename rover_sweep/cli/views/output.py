@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import codecs
+import shlex
 from collections.abc import Iterable, Sequence
 from functools import cache
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -29,6 +31,12 @@ def echo(text: str = "", err: bool = False, nl: bool = True) -> None:
 def say_next(*steps: str) -> None:
     """Print on stderr how the user goes on: commands, or what to do by hand."""
     echo(f"next: {'; '.join(steps)}", err=True)
+
+
+def identify_command(session: str | Path) -> str:
+    """The command that identifies from a session's folder, with its report where a session writes its own."""
+    folder, report = (shlex.quote(str(path)) for path in (session, Path(session) / "report"))
+    return f"rover-sweep identify {folder} --out {report}"
 
 
 def echo_json(text: str) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -83,7 +84,8 @@ class ResultsScreen(SessionScreen):
     def _from(self) -> str:
         """Sentence on the runs that can be analysed, or on what is missing."""
         if self.state.played is not None:
-            return f"Identify this recording with: rover-sweep identify {self.state.url} --vehicle rover.toml"
+            given = shlex.quote(self.state.url)
+            return f"Identify this recording with: rover-sweep identify {given} --out report"
         whole = [run.label for run in self.state.runs if run.outcome == "done"]
         if not whole:
             return "No complete run yet: nothing to identify."

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from firmware_params.applet_parameters import PARAMETERS
 from rover_sweep.manoeuvre.sweep import Sweep
 from rover_sweep.vehicle.identity import NEWEST, untested
 from rover_sweep.vehicle.preflight.rates import streams
@@ -13,6 +14,7 @@ _LOG_BITS = {0: "attitude at loop rate", 2: "GPS", 7: "IMU at loop rate", 13: "s
 _FILE = 1  # bit of LOG_BACKEND_TYPE: files on the card
 _USUAL = 65535  # LOG_BITMASK as ArduPilot ships it
 _STEERING = 26  # SERVOn_FUNCTION GroundSteering
+_V_MIN = next(p.default for p in PARAMETERS if p.name == "SWP_V_MIN")  # m/s
 _CARD = "MAVLink does not report the free space on the card: check the card now and then"
 
 
@@ -103,6 +105,18 @@ def applet(observed: Observation) -> Check:
     state = observed.survey.applet
     if state.fits and state.file is None:
         return Check("applet", "doubtful", "runs, version unknown", state.sentence, _copy())
+    if state.fits and observed.parameter("SWP_V_MIN") == 0:
+        sentence = (
+            "SWP_V_MIN is 0, as for a test on a box: on the ground a run then begins, and goes on, at rest"
+        )
+        sets = (("SWP_V_MIN", _V_MIN),)
+        return Check(
+            "applet",
+            "doubtful",
+            "no least speed",
+            sentence,
+            Remedy(f"set SWP_V_MIN to {_V_MIN:g}", sets=sets),
+        )
     if state.fits:
         return Check("applet", "good", f"{state.file.version if state.file else ''} runs")
     if state.runs and not state.enabled:

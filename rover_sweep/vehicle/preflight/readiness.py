@@ -130,6 +130,11 @@ def _value(b: Battery) -> str:
     return ", ".join(words) or "not measured"
 
 
+# ArduPilot reads the mode switch only when it moves (RC_Channel::read_mode_switch, 4.6.3), so a switch that
+# is in MANUAL already leaves HOLD only after it was in another position. The sticks act at once in MANUAL.
+_TAKE_BACK = "centre the sticks, then turn the mode switch to another position and back to MANUAL"
+
+
 def mode(observed: Observation) -> Check:
     """Whether the rover is in MANUAL: the applet starts only there."""
     value = mode_name(observed.mode)
@@ -137,7 +142,7 @@ def mode(observed: Observation) -> Check:
         return Check("mode", "good", value)
     sentence = f"the rover is in {value}, but the applet starts only in MANUAL"
     if observed.armed:
-        return Check("mode", "bad", value, sentence, Remedy("the pilot switches to MANUAL", by_hand=True))
+        return Check("mode", "bad", value, sentence, Remedy(_TAKE_BACK, by_hand=True))
     return Check("mode", "bad", value, sentence, Remedy("switch to MANUAL"))
 
 
@@ -146,7 +151,12 @@ def armed(observed: Observation) -> Check:
     if not observed.armed:
         return Check("armed", "good", "disarmed")
     sentence = "the rover is armed: this program does not set it up or reboot it, and it sends no logs"
-    return Check("armed", "bad", "armed", sentence, Remedy("disarm"))
+    held = (
+        "disarm"
+        if observed.mode == MANUAL
+        else f"disarm; to drive it from {mode_name(observed.mode)}: {_TAKE_BACK}"
+    )
+    return Check("armed", "bad", "armed", sentence, Remedy(held))
 
 
 # The remedies of the checks, carried out on the vehicle.
