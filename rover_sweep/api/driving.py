@@ -32,12 +32,14 @@ WHEELBASES = 0.02, 20.0  # m
 class DrivingIdentification(DrivingAnswer):
     """The result of `identify_driving`. It prints as a table.
 
-    read: how files of other systems were read, such as the columns that were found without a map, and whether
-    their steering was measured, or may have been.
+    read: channels that contradict each other, and how files of other systems were read, such as the columns
+    that were found without a map, and whether their steering was measured, or may have been. foreign: whether
+    a log is of another system.
     """
 
     sources: tuple[str, ...] = ()
     read: tuple[str, ...] = ()
+    foreign: bool = False
 
     def table(self) -> ShortTable:
         """The numbers with their intervals, what stays unknown, and how files of other systems were read."""
@@ -95,12 +97,14 @@ def identify_driving(
     logs = with_one_clock(logs) if all(map(_is_foreign, logs)) else logs
     found = answer_from(logs, wheelbase, rover)
     foreign = [log for log in logs if _is_foreign(log)]
-    notes = [*(note.text for log in foreign for note in log.notes)]
+    decided = [one.text for one in found.driving.contradictions if one.decided]
+    notes = [*decided, *(note.text for log in foreign for note in log.notes)]
     notes.append(origin_remark({log.name: log.steering[0] for log in foreign if log.steering}))
     return DrivingIdentification(
         **{f.name: getattr(found, f.name) for f in fields(found)},
         sources=tuple(Path(n).name for n in names),
         read=tuple(dict.fromkeys(filter(None, notes))),
+        foreign=bool(foreign),
     )
 
 

@@ -25,6 +25,7 @@ from rover_sweep.data.results import (
 from rover_sweep.driving.fit import OF_SPEED, DrivingFit, fit_driving, precision_with, reached, tyre_time
 from rover_sweep.driving.stretches import FULL, RATE, DrivenPart, Driving, usable_driving
 from rover_sweep.driving.tyres import tyre_stiffnesses
+from rover_sweep.logs.cross_check import SURE_SPEED
 from rover_sweep.logs.log import Log
 from rover_sweep.manoeuvre.sweep import Sweep
 
@@ -112,6 +113,8 @@ def _together(logs: Sequence[Log], wheelbase: float | None, rover: Geometry | No
     """What these logs of one rover show."""
     driving = usable_driving(logs)
     used = driving.stretches
+    if driving.speed_sd > KNOWN:
+        return _nothing(driving, *_doubts(driving))
     if driving.seconds < LEAST_SECONDS:
         return _nothing(
             driving, f"only {int(driving.seconds)} s of driving can be used, {LEAST_SECONDS:.0f} s are needed"
@@ -123,7 +126,7 @@ def _together(logs: Sequence[Log], wheelbase: float | None, rover: Geometry | No
     turning = np.square(steering - np.median(steering))
     speeds = _weighted(np.abs(v), turning)
     held = () if speeds[2] > SPEEDS_APART * speeds[0] else OF_SPEED
-    fit = fit_driving(used, driving.known, held)
+    fit = fit_driving(used, driving.known, held, driving.speed_sd)
     level, reasons = _judged(fit)
     if level == "none":
         return _nothing(driving, *reasons, fit=fit)
@@ -131,6 +134,8 @@ def _together(logs: Sequence[Log], wheelbase: float | None, rover: Geometry | No
         level, reasons = "rough", (*reasons, _scaled_by(unsure))
     if driving.course:
         level, reasons = "rough", (*reasons, OF_POSITIONS)
+    if doubts := tuple(_doubts(driving)):
+        level, reasons = "rough", (*reasons, *doubts)
     numbers, unknown = _numbers(fit, driving, speeds, wheelbase)
     tyres = tyre_stiffnesses(fit, rover, speeds[1]) if rover else ()
     numbers = ByName((*numbers, *tyres))
@@ -140,6 +145,14 @@ def _together(logs: Sequence[Log], wheelbase: float | None, rover: Geometry | No
     return DrivingAnswer(
         level, numbers, reasons, unknown, driving, fit, speeds, amplitude, _band(used), better
     )
+
+
+def _doubts(driving: Driving) -> Iterator[str]:
+    """Why channels that contradict each other keep the answer from being good."""
+    yield from (one.text for one in driving.contradictions if not one.decided)
+    if driving.speed_sd > SURE_SPEED and all(one.decided for one in driving.contradictions):
+        percent = f"{200 * driving.speed_sd:.0f} %"
+        yield f"the corrected speed is known to {percent}: log GPS or wheel encoders"
 
 
 def _scaled_by(unsure: Sequence[str]) -> str:
@@ -221,8 +234,9 @@ def _steering(fit: DrivingFit, driving: Driving, speed: float, wheelbase: float 
     at = f", at {speed:.1f} m/s" if "understeer" in fit.held else ""
     in_us = driving.unit == "us"
     if in_us:
-        turns = "left" if gain > 0 else "right"
-        words = f"curvature of the path for each 100 us{at}; a larger output turns {turns}"
+        turns = f"; a larger output turns {'left' if gain > 0 else 'right'}"
+        turns = "" if any(one.turned and not one.decided for one in driving.contradictions) else turns
+        words = f"curvature of the path for each 100 us{at}{turns}"
         yield _quantity(fit, "curvature", "1/m per 100 us", 100 * abs(gain), {"gain": 100.0}, words)
     else:
         words = f"speed times steering angle over yaw rate{at}; the wheelbase where the angle is right"

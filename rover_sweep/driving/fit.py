@@ -89,8 +89,11 @@ class DrivingFit:
         return value - half, value + half
 
 
-def fit_driving(stretches: Sequence[DrivenPart], known: Known, held: Sequence[str] = OF_SPEED) -> DrivingFit:
-    """Fits all stretches together. known: prior knowledge of some. held: names kept at 0.
+def fit_driving(
+    stretches: Sequence[DrivenPart], known: Known, held: Sequence[str] = OF_SPEED, speed_sd: float = 0.0
+) -> DrivingFit:
+    """Fits all stretches together. known: prior knowledge of some. held: names kept at 0. speed_sd: of the
+    logarithm of the speed's scale.
 
     ValueError where no stretch is longer than `SETTLED` samples.
     """
@@ -98,6 +101,7 @@ def fit_driving(stretches: Sequence[DrivenPart], known: Known, held: Sequence[st
     theta = problem.solved()
     covariance, dof = problem.covariance(theta)
     structure = _structure(theta, problem.stretches) + problem.of_speed_error(theta)
+    structure = structure + _of_speed_scale(theta, speed_sd)
     explained = _explained(stretches, known, held)
     return DrivingFit(theta, covariance, structure, problem.amplitude, tuple(held), explained, dof)
 
@@ -272,6 +276,18 @@ def _structure(theta: Array, stretches: Sequence[DrivenPart]) -> Array:
     moved[0] = theta[0] * moved[6] * float(np.median(np.square(speeds)))
     found += np.outer(moved, moved)
     return found
+
+
+def _of_speed_scale(theta: Array, sd: float) -> Array:
+    """Covariance (10, 10) of a speed that is wrong by a factor, of which `sd` is that of the logarithm.
+
+    The law is the same for s V with g/s, c/s, k/s^2 and, as a is V r, q/s^2.
+    """
+    moved = np.zeros(len(NAMES))
+    for name, power in (("gain", 1), ("tyre_lag", 1), ("understeer", 2), ("bend", 2)):
+        k = NAMES.index(name)
+        moved[k] = power * theta[k] * sd
+    return np.outer(moved, moved)
 
 
 def _explained(stretches: Sequence[DrivenPart], known: Known, held: Sequence[str]) -> float:

@@ -10,7 +10,7 @@ from scipy.ndimage import uniform_filter1d
 
 from rover_sweep.data.recording import Array, LowPass, Mask, Signal, stretches
 from rover_sweep.logs.find import still_intervals
-from rover_sweep.logs.log import Log, limits_of_steering
+from rover_sweep.logs.log import Contradiction, Log, limits_of_steering
 
 RATE = 50.0  # Hz of the grid: ten times the fastest steering that a rover answers
 SLOWEST = 0.3  # m/s; below it, the noise of the speed is a large share of the speed
@@ -54,7 +54,7 @@ class Driving:
 
     unit: of the steering, "us", "rad" or `FULL`. left_out: {reason: seconds}. limits: (lowest, highest)
     steering output, None where unknown. trim: the configured neutral [us], None where unknown. course: True
-    where the yaw rate is that of the course over ground.
+    where the yaw rate is that of the course over ground. contradictions: between channels of the logs.
     """
 
     stretches: tuple[DrivenPart, ...]
@@ -64,6 +64,12 @@ class Driving:
     limits: tuple[float, float] | None
     trim: float | None
     course: bool = False
+    contradictions: tuple[Contradiction, ...] = ()
+
+    @property
+    def speed_sd(self) -> float:
+        """sd of the logarithm of the speed's scale, where it was corrected or is in doubt."""
+        return max((one.speed_sd for one in self.contradictions), default=0.0)
 
     @property
     def known(self) -> dict[str, tuple[float, float]]:
@@ -98,6 +104,7 @@ def usable_driving(logs: Sequence[Log]) -> Driving:
         first.limits,
         next((v for n, v in limits_of_steering(first.parameters).items() if n.endswith("_TRIM")), None),
         any("course" in log.unsure for log in logs),
+        tuple(dict.fromkeys(one for log in logs for one in log.contradictions)),
     )
 
 

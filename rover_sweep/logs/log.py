@@ -43,6 +43,21 @@ class AppletRows:
         return AppletRows(self.t[keep], self.run[keep], self.state[keep], self.clock[keep])
 
 
+@dataclass(frozen=True)
+class Contradiction:
+    """A channel that others contradict. channel: "speed", "heading", "r", ..
+
+    decided: the others say what it should be, and it was corrected. speed_sd: sd of the logarithm of the
+    speed's scale, as it is now. turned: the direction of driving or turning is in doubt.
+    """
+
+    channel: str
+    decided: bool
+    text: str
+    speed_sd: float = 0.0
+    turned: bool = False
+
+
 @dataclass(frozen=True, eq=False)
 class Log:
     """The contents of one log, on the vehicle's clock.
@@ -58,6 +73,9 @@ class Log:
     system: MAVLink system id of a telemetry log, 0 if not known.
     unsure: of a file of another system: "r" or "speed", whose unit is a guess; "delta", which is no angle;
     "course", where the yaw rate is that of the course over ground.
+    witnesses: what was recorded again by other means, only to compare: gps_speed, wheel_speed [m/s],
+    gps_course [rad, left positive], r2 [rad/s] of a second IMU.
+    contradictions: between channels, and what became of them (`logs.cross_check`).
     vehicle: "rover", another ArduPilot vehicle's name, or "" if not known.
     """
 
@@ -79,6 +97,8 @@ class Log:
     whole: bool = False
     system: int = 0
     unsure: tuple[str, ...] = ()
+    witnesses: Mapping[str, Signal] = field(default_factory=dict)
+    contradictions: tuple[Contradiction, ...] = ()
 
 
 def source_of(path: Path) -> tuple[str, str]:
@@ -264,6 +284,12 @@ def message_signals(
     if "psi" in found:
         found["psi"] = replace(found["psi"], x=np.unwrap(found["psi"].x))
     return found
+
+
+def finite_signal(signal: Signal) -> Signal:
+    """The signal without samples that are not finite."""
+    keep = np.isfinite(signal.x)
+    return signal if keep.all() else replace(signal, t=signal.t[keep], x=signal.x[keep])
 
 
 def body_velocity(t: Array, vn: Array, ve: Array, psi: Array, source: str) -> dict[str, Signal]:

@@ -12,6 +12,7 @@ import numpy as np
 
 from rover_sweep.data.recording import Recording
 from rover_sweep.errors import DataRefused, UsageError
+from rover_sweep.logs.cross_check import cross_checked
 from rover_sweep.logs.find import find_runs
 from rover_sweep.logs.judgement import refuse_unexcited, refuse_useless, with_notes
 from rover_sweep.logs.log import Log
@@ -70,7 +71,7 @@ def usable_log(whole: Log, steering_wheel: bool = False) -> Log:
     """
     log = screened(whole, STEERING_WHEEL) if steering_wheel else screened(whole)
     refuse_useless(log)
-    return log
+    return cross_checked(log)
 
 
 def read_logs(

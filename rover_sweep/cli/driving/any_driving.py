@@ -51,7 +51,7 @@ def show_driving(answer: DrivingIdentification, out: Path, as_json: bool, why: s
     shown.print(on_terminal(page, answer_last=True))
     files = answer.report(out)
     shown.print(f"report: {files.page}", soft_wrap=True)
-    if not answer.read:  # of another system, which no sweep can be sent to
+    if not answer.foreign:  # no sweep can be sent to another system
         shown.print("next: rover-sweep design (the sweeps that show tyres and inertia)", soft_wrap=True)
     if as_json:
         echo_json(files.document.read_text(encoding="utf-8"))

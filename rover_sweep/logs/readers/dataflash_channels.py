@@ -22,6 +22,7 @@ from rover_sweep.logs.log import (
     Log,
     body_velocity,
     clock_notes,
+    finite_signal,
     firmware_of,
     increasing,
     joined_steering,
@@ -99,6 +100,7 @@ def _log(name: str, flash: DataFlash, filters: Mapping[str, float] | None, sourc
         firmware=firmware,
         notes=(*notes, *_reading_notes(name, flash)),
         sources=(source,),
+        witnesses=_witnesses(flash, signals),
     )
 
 
@@ -243,6 +245,33 @@ def velocity(flash: DataFlash) -> dict[str, Signal]:
         rows = _first_instance(flash, "GPS", "I", "Spd")
         return _signals(flash, "GPS", rows, {"speed": ("Spd", 1.0, "m/s")})
     return {}
+
+
+FIX = 3  # GPS.Status of a position in three dimensions
+
+
+def _witnesses(flash: DataFlash, signals: Mapping[str, Signal]) -> dict[str, Signal]:
+    """Speed, course and yaw rate from other sensors than those of `signals`, to compare."""
+    found: dict[str, Signal] = {}
+    if flash.has("GPS", "Spd", "GCrs", "Status"):
+        rows = _first_instance(flash, "GPS", "I", "Spd", "GCrs", "Status")
+        rows = rows[rows["Status"] >= FIX]
+        channels = {"gps_speed": ("Spd", 1.0, "m/s"), "gps_course": ("GCrs", -np.pi / 180, "rad")}
+        found |= _signals(flash, "GPS", rows, channels)
+        if signals.get("speed", found["gps_speed"]).source == found["gps_speed"].source:
+            del found["gps_speed"]
+    if flash.has("WENC", "Dist0"):
+        rows = _timed(flash, "WENC", "Dist0")
+        t, (far,) = increasing(flash.seconds("WENC", rows), flash.column("WENC", "Dist0", rows))
+        if t.size > 2:
+            found["wheel_speed"] = Signal(t, np.gradient(far, t), "m/s", "WENC.Dist0")
+    if flash.has("IMU", "I", "GyrZ"):
+        rows = _first_instance(flash, "IMU", "I", "GyrZ", number=1)
+        if rows.size:
+            found["r2"] = replace(
+                _signals(flash, "IMU", rows, {"r": ("GyrZ", -1.0, "rad/s")})["r"], source="IMU[1].GyrZ"
+            )
+    return {name: finite for name, s in found.items() if (finite := finite_signal(s)).t.size}
 
 
 def _output(flash: DataFlash, channel: int) -> Signal | None:

@@ -41,6 +41,7 @@ WANTED = frozenset(
         "LOCAL_POSITION_NED",
         "GLOBAL_POSITION_INT",
         "VFR_HUD",
+        "GPS_RAW_INT",
         "SERVO_OUTPUT_RAW",
         "PARAM_VALUE",
         "STATUSTEXT",
@@ -192,6 +193,7 @@ def _log(
         notes=(*damage, *notes, *clock_notes(clocks)),
         sources=(source,),
         system=int(next(iter(session.messages.values())).system[0]),
+        witnesses=_witnesses(session, signals),
     )
 
 
@@ -247,6 +249,25 @@ def ground_velocity(session: BootMessages, psi: Signal | None) -> dict[str, Sign
     if _count(session, "VFR_HUD") > 1:
         return _signals(session, "VFR_HUD", {"speed": ("groundspeed", 1.0, "m/s")})
     return {}
+
+
+FIX, UNKNOWN = 3, 65535  # GPS_RAW_INT: fix_type of a position in three dimensions; vel or cog not known
+
+
+def _witnesses(session: BootMessages, signals: Mapping[str, Signal]) -> dict[str, Signal]:
+    """Speed and course of the GPS receiver, and the yaw rate of another IMU, to compare."""
+    found: dict[str, Signal] = {}
+    if "GPS_RAW_INT" in session.messages:
+        rows = session.messages["GPS_RAW_INT"].rows
+        good = (rows["fix_type"] >= FIX) & (rows["vel"] < UNKNOWN) & (rows["cog"] < UNKNOWN)
+        speed, course = rows["vel"][good] * 0.01, -np.radians(rows["cog"][good] * 0.01)
+        t, (speed, course) = increasing(session.seconds("GPS_RAW_INT")[good], speed, course)
+        found["gps_speed"] = Signal(t, speed, "m/s", "GPS_RAW_INT.vel")
+        found["gps_course"] = Signal(t, course, "rad", "GPS_RAW_INT.cog")
+    used = signals["r"].source.split(".")[0] if "r" in signals else ""
+    if _count(session, "SCALED_IMU2") > 1 and used != "SCALED_IMU2":
+        found["r2"] = _signals(session, "SCALED_IMU2", {"r": ("zgyro", -1e-3, "rad/s")})["r"]
+    return {name: signal for name, signal in found.items() if signal.t.size}
 
 
 def _output(session: BootMessages, channel: int) -> Signal | None:

@@ -182,6 +182,7 @@ def paired(flash: Log, telemetry: tuple[Log, ...]) -> Log:
         firmware=flash.firmware or match.firmware,
         notes=(*flash.notes, *notes),
         sources=flash.sources + match.sources,
+        witnesses={**match.witnesses, **flash.witnesses},
     )
 
 
