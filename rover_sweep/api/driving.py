@@ -72,12 +72,13 @@ def identify_driving(
     the vehicle in a .tlog.
 
     `numbers` by name, as far as the driving shows them: `curvature` of the path for each 100 us and
-    `least_radius` (steering in us), or `wheelbase_seen` (in rad); `straight`, the output that drives straight
-    ahead; `delay`, `lag` and their sum `response_time`; `understeer`, K_us over the wheelbase, or
-    `understeer_gradient`; `characteristic_speed` or `critical_speed`; `bend`, how much less the rover turns
-    in hard turns; `steering_curve`, and the curvature of each side (`curvature_left`), where they differ
-    from a straight line; `front_stiffness` and `rear_stiffness` with a vehicle file. Logs that do not agree
-    give no number; `each` has their own answers. A poor result raises nothing: its level and reasons say so.
+    `least_radius` (steering in us), `wheelbase_seen` (in rad) or `full_radius` (in -1 to 1); `straight`, the
+    output that drives straight ahead; `delay`, `lag` and their sum `response_time`; `understeer`, K_us over
+    the wheelbase, or `understeer_gradient`; `characteristic_speed` or `critical_speed`; `bend`, how much less
+    the rover turns in hard turns; `steering_curve`, and the curvature of each side (`curvature_left`), where
+    they differ from a straight line; `front_stiffness` and `rear_stiffness` with a vehicle file. Logs that do
+    not agree give no number; `each` has their own answers. A poor result raises nothing: its level and
+    reasons say so.
     UsageError for a missing file, DataRefused for a log that cannot be read or has no steering, speed or
     yaw rate.
 

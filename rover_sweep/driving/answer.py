@@ -22,6 +22,7 @@ from rover_sweep.data.results import (
     number,
     plain_number,
 )
+from rover_sweep.driving.changes import MOST_UNDERSTEER, GainChange, gain_change
 from rover_sweep.driving.fit import OF_SPEED, DrivingFit, fit_driving, precision_with, reached, tyre_time
 from rover_sweep.driving.stretches import FULL, RATE, DrivenPart, Driving, usable_driving
 from rover_sweep.driving.tyres import tyre_stiffnesses
@@ -127,7 +128,7 @@ def _together(logs: Sequence[Log], wheelbase: float | None, rover: Geometry | No
     speeds = _weighted(np.abs(v), turning)
     held = () if speeds[2] > SPEEDS_APART * speeds[0] else OF_SPEED
     fit = fit_driving(used, driving.known, held, driving.speed_sd)
-    level, reasons = _judged(fit)
+    level, reasons = _judged(fit, gain_change(fit, used))
     if level == "none":
         return _nothing(driving, *reasons, fit=fit)
     if unsure := sorted({channel for log in logs for channel in log.unsure} & set(SCALING)):
@@ -166,26 +167,29 @@ def _nothing(driving: Driving, *reasons: str, fit: DrivingFit | None = None) -> 
     return DrivingAnswer("none", ByName(()), (*reasons, *out), (), driving, fit)
 
 
-def _judged(fit: DrivingFit) -> tuple[Level, tuple[str, ...]]:
-    """The level, and why it is not good."""
+def _judged(fit: DrivingFit, changed: GainChange | None) -> tuple[Level, tuple[str, ...]]:
+    """The level, and why it is not good. changed: the moment at which the driving contradicts itself."""
     low, high = fit.interval({"gain": 1.0}, fit["gain"])
     share = f"the steering explains {100 * max(fit.explained, 0.0):.0f} % of the yaw rate"
     if low <= 0 <= high or (high - low) / 2 > KNOWN * abs(fit["gain"]):
-        why = (
-            f"{share}, but this is too little driving"
-            if fit.explained >= ROUGH
-            else "the yaw rate does not follow the steering in this driving"
-        )
-        return "none", (why,)
+        if changed:
+            return "none", (changed.words,)
+        if fit.explained < ROUGH:
+            return "none", ("the yaw rate does not follow the steering in this driving",)
+        if abs(fit["understeer"]) > MOST_UNDERSTEER:
+            return "none", (
+                f"{share}, but it hardly grows with the speed, as with an understeer of "
+                f"{number(fit['understeer'])} s²/m² that no rover has: is the recorded speed the rover's?",
+            )
+        return "none", (f"{share}, but this is too little driving",)
     if fit.explained < ROUGH:
         return "none", (
             f"{share} in parts of the drive that were not fitted; {100 * ROUGH:.0f} % are needed",
         )
+    reasons = (changed.words,) if changed else ()
     if fit.explained < GOOD:
-        return "rough", (
-            f"{share} only: the rover turned for other reasons too, or its steering is not linear",
-        )
-    return "good", ()
+        reasons += (f"{share} only: the rover turned for other reasons too, or its steering is not linear",)
+    return ("rough" if reasons else "good"), reasons
 
 
 def _numbers(
@@ -228,6 +232,10 @@ def _decided(fit: DrivingFit, name: str) -> bool:
     return (low > 0 or high < 0) and abs(fit[name]) > VISIBLE
 
 
+_SCALE = {"rad": "wheelbase_seen", FULL: "full_radius"}
+"""Name of the length that a steering shows by its unit; a share of the travel, as of a stick, is no angle."""
+
+
 def _steering(fit: DrivingFit, driving: Driving, speed: float, wheelbase: float | None) -> Iterator[Quantity]:
     """What the path curves for the steering, straight ahead, ratio and tightest turn."""
     gain = fit["gain"]
@@ -241,8 +249,8 @@ def _steering(fit: DrivingFit, driving: Driving, speed: float, wheelbase: float 
     else:
         words = f"speed times steering angle over yaw rate{at}; the wheelbase where the angle is right"
         if driving.unit == FULL:
-            words = f"speed times steering over yaw rate{at}: radius at full steering, if in proportion"
-        yield _quantity(fit, "wheelbase_seen", "m", 1 / abs(gain), {"gain": 1 / gain**2}, words)
+            words = f"radius of the turn at full steering{at}, if in proportion; not the wheelbase"
+        yield _quantity(fit, _SCALE[driving.unit], "m", 1 / abs(gain), {"gain": 1 / gain**2}, words)
     words = f"steering {'angle' if driving.unit == 'rad' else 'output'} that drives straight ahead"
     yield _quantity(fit, "straight", driving.unit, fit["straight"], {"straight": 1.0}, words)
     if wheelbase and in_us:
@@ -274,7 +282,7 @@ def _sides(fit: DrivingFit, unit: str) -> Iterator[Quantity]:
         name, per, value, scale = f"curvature_{side}", "1/m per 100 us", 100 * abs(gain) * there, 100.0
         if unit != "us":
             value = 1 / (abs(gain) * there)
-            name, per, scale = f"wheelbase_seen_{side}", "m", value**2
+            name, per, scale = f"{_SCALE[unit]}_{side}", "m", value**2
         slopes = {"gain": scale * there, "side": scale * sign * gain}
         yield _quantity(fit, name, per, value, slopes, f"the same in turns to the {side}")
 
@@ -391,7 +399,13 @@ CHANCE = 0.001  # of numbers that are said to disagree and do not
 ALIKE = 1.2  # ratio of speeds up to which response times are compared
 
 
-COMPARED = {"straight": 0.0, "curvature": 0.05, "wheelbase_seen": 0.05, "response_time": 0.1}
+COMPARED = {
+    "straight": 0.0,
+    "curvature": 0.05,
+    "wheelbase_seen": 0.05,
+    "full_radius": 0.05,
+    "response_time": 0.1,
+}
 LEAST = {"us": 5.0, "rad": 0.005, FULL: 0.01, "s": 0.02}
 """The smallest reported difference: as a share of the number, and in its unit."""
 

@@ -44,6 +44,7 @@ TYRES = 0.08  # sd of the lag of the tyres, as a share, since they bend
 WHOLE = 0.02  # sd of delay and lags together, as a share: the law is simpler than a rover
 SETTLED = round(1.0 * RATE)  # samples at the begin of a stretch, in which the lags' unknown start decays
 PIECE = 20.0  # s, of the pieces that are predicted from the others
+UNEVEN = 0.02  # share of the steering in one half, below which the pieces are shorter: `BLOCK`
 FARTHEST = 2.0  # amplitudes, up to which the steering curve bends
 LIMIT = 4.0  # of the whitened error, in its sd; beyond it, a sample counts less (Huber)
 
@@ -292,8 +293,9 @@ def _of_speed_scale(theta: Array, sd: float) -> Array:
 
 def _explained(stretches: Sequence[DrivenPart], known: Known, held: Sequence[str]) -> float:
     """Share of the variance explained, each half of the driving predicted by the fit to the other."""
-    pieces = [(k + i, part) for i, s in enumerate(stretches) for k, part in enumerate(_pieces(s))]
-    halves = [[part for k, part in pieces if k % 2 == half] for half in (0, 1)]
+    halves = _halves(stretches, PIECE)
+    if min(map(_steered, halves)) < UNEVEN * sum(map(_steered, halves)):  # as in one short manoeuvre
+        halves = _halves(stretches, BLOCK)
     error = total = 0.0
     for fitted, other in (halves, reversed(halves)):
         problem = _Problem(fitted, known, held)
@@ -304,8 +306,21 @@ def _explained(stretches: Sequence[DrivenPart], known: Known, held: Sequence[str
     return 1.0 - error / total if total else 0.0
 
 
-def _pieces(s: DrivenPart) -> list[DrivenPart]:
-    count = max(2, round(s.seconds / PIECE))
+def _halves(stretches: Sequence[DrivenPart], length: float) -> list[list[DrivenPart]]:
+    """Every other piece of about `length` [s], and the others."""
+    pieces = [(k + i, part) for i, s in enumerate(stretches) for k, part in enumerate(_pieces(s, length))]
+    return [[part for k, part in pieces if k % 2 == half] for half in (0, 1)]
+
+
+def _steered(parts: Sequence[DrivenPart]) -> float:
+    """How much these parts show of the steering: the sum of V^2 u^2, u from its median, once settled."""
+    straight = float(np.median(np.concatenate([s.steered(0.0) for s in parts])))
+    turning = [np.square(s.v * (s.steered(0.0) - straight))[SETTLED:] for s in parts]
+    return float(np.sum(np.concatenate(turning)))
+
+
+def _pieces(s: DrivenPart, length: float) -> list[DrivenPart]:
+    count = max(2, round(s.seconds / length))
     return [replace(s, t=s.t[k], v=s.v[k], r=s.r[k]) for k in np.array_split(np.arange(s.t.size), count)]
 
 

@@ -100,6 +100,9 @@ def _first(answer: DrivingAnswer) -> str:
     if "curvature" in found:
         per = number(found["curvature"].value, 3)
         return f"The path curves by {per} 1/m for each 100 us of steering{late}."
+    if "full_radius" in found:
+        radius = number(found["full_radius"].value, 3)
+        return f"The rover turns with a radius of {radius} m at full steering{late}."
     seen = number(found["wheelbase_seen"].value, 3)
     return f"The rover turns like one of {seen} m wheelbase at the recorded angle{late}."
 

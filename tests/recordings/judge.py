@@ -18,7 +18,15 @@ from tests.recordings.faults import BY_NAME
 from tests.recordings.rovers import Truth
 
 NEAR = 0.1
-SCALES = ("curvature", "wheelbase_seen", "least_radius", "rad_per_us", "steering_ratio", "response_time")
+SCALES = (
+    "curvature",
+    "wheelbase_seen",
+    "full_radius",
+    "least_radius",
+    "rad_per_us",
+    "steering_ratio",
+    "response_time",
+)
 """Numbers of which 10 % means something; the others may be near 0."""
 Document = dict[str, Any]
 
@@ -75,6 +83,7 @@ def true_value(name: str, log: Mapping[str, Any], answer: Mapping[str, Any]) -> 
     side = name.removesuffix("_left").removesuffix("_right")
     found: dict[str, Callable[[], float | None]] = {
         "curvature": lambda: curvature,
+        "full_radius": lambda: truth.rad_per_us / (curvature / 100 * log["per"]),
         "wheelbase_seen": lambda: truth.rad_per_us / (curvature / 100 * log["per"]),
         "straight": lambda: _straight(truth, log, numbers["straight"][0]),
         "rad_per_us": lambda: truth.rad_per_us,

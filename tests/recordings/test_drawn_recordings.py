@@ -84,7 +84,9 @@ def test_a_clean_log_gets_no_wrong_good(profile, tmp_path):
     mark = marked(log.document(), answer)
     assert mark.level != "crashed", answer["text"]
     if mark.level == "good":
-        gains = [near for name, near in mark.near.items() if name in ("curvature", "wheelbase_seen")]
+        gains = [
+            near for name, near in mark.near.items() if name in ("curvature", "wheelbase_seen", "full_radius")
+        ]
         assert gains == [True], line(mark)
         assert mark.direction is not False or profile == AXES_BY_NAMES, line(mark)
     elif mark.level in ("refused", "none"):
