@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from rover_sweep.api.diagnose import load_diagnosis
+from rover_sweep.api.driving import identify_driving
 from rover_sweep.api.identify import load_result
 from rover_sweep.api.save import holds, is_diagnosis, result_document, result_file
 from rover_sweep.data.controller_log import ControllerLog
@@ -15,10 +16,12 @@ from rover_sweep.data.vehicle_file import Vehicle
 from rover_sweep.data.vehicle_file import load as load_vehicle
 from rover_sweep.errors import DataRefused, UsageError
 from rover_sweep.gains.check import SpeedCheck, SteeringCheck, check_speed, check_steering
+from rover_sweep.gains.first import FirstFeedForward, first_feed_forward
 from rover_sweep.gains.identified import PHYSICAL, Identified, from_diagnosis, from_identification
 from rover_sweep.gains.proposal import Proposal, propose_gains
 from rover_sweep.gains.steering_chain import autopilot
 from rover_sweep.logs.controllers import Controllers, read_controllers
+from rover_sweep.logs.read import read_logs
 from rover_sweep.report.identification.identification_json import identification_document
 
 LOGS = (".bin", ".log", ".tlog")
@@ -58,23 +61,31 @@ def steering_gains(
 @dataclass(frozen=True, eq=False)
 class CheckedGains:
     """steering, speed: checks of the present gains, forward and in reverse if driven and logged; before:
-    checks of the earlier drive, empty for one log with one set of gains."""
+    checks of the earlier drive, empty for one log with one set of gains. first: instead of them, of a log in
+    which the controller did not run, as in MANUAL."""
 
     before: tuple[tuple[SteeringCheck, ...], tuple[SpeedCheck, ...]]
     steering: tuple[SteeringCheck, ...]
     speed: tuple[SpeedCheck, ...]
+    first: FirstFeedForward | None = None
 
 
 def check_gains(logs: Sequence[Path], found: Identified | None = None) -> CheckedGains:
     """Checks the present gains in logs (.BIN, .tlog) of one drive, or one before and one after a change.
 
     A log with changed gains counts as both: its first and its last set of gains. found: an identified
-    model, which predicts the drives. UsageError for more than two logs, DataRefused for one without the
-    controller's messages or without driving.
+    model, which predicts the drives. One log in which the controller did not run gives `first` alone, where
+    its driving shows it. UsageError for more than two logs, DataRefused for one without the controller's
+    messages or without driving.
     """
     if not 1 <= len(logs) <= 2:
         raise UsageError("--check takes one log, or two: before and after")
-    first, last = read_controllers(logs[0]), read_controllers(logs[-1])
+    try:
+        first, last = read_controllers(logs[0]), read_controllers(logs[-1])
+    except DataRefused as refused:
+        if len(logs) > 1 or (only := _first_of(logs[0], str(refused))) is None:
+            raise
+        return CheckedGains(((), ()), (), (), only)
     now, earlier = last.steering[-1], first.steering[-1 if len(logs) > 1 else 0]
     known = len(logs) > 1 or earlier.parameters != now.parameters
     try:
@@ -83,6 +94,16 @@ def check_gains(logs: Sequence[Path], found: Identified | None = None) -> Checke
     except ValueError as error:
         raise DataRefused(str(error)) from None
     return CheckedGains((before[0][:1], before[1][:1]), steering, speed)
+
+
+def _first_of(path: Path, why: str) -> FirstFeedForward | None:
+    """A first FF from the driving in a log of MANUAL, None where it shows none; why: the others are not."""
+    try:
+        parameters = read_logs(str(path))[-1].parameters
+        answer = identify_driving(path)
+        return first_feed_forward(answer, autopilot(parameters), path.stem, why)
+    except (DataRefused, ValueError):
+        return None
 
 
 def _checked(

@@ -20,7 +20,9 @@ from rover_sweep.gains.tracking import (
     Oscillation,
     Response,
     Tracking,
+    against,
     even_stretches,
+    held_feed_forward,
     limited,
     oscillation,
     response,
@@ -31,12 +33,15 @@ from rover_sweep.gains.tuning import MOST_CHANGE, beside_integrator, bound
 
 LOWEST_FF, HIGHEST_FF = 0.75, 1.25  # of the output of a steady turn: outside, FF is wrong
 LEAST_FIT = 0.5  # share of the turn rate's variance; below it the steering's response is not known
+TURNED = -0.7  # correlation of turn rate and output; the controller then steers away from its target
 LEAST_TURNING = math.radians(3.0)  # rms of the target, rad/s; below it nothing is judged
 LEAST_OSCILLATION = math.radians(1.5)  # rad/s rms
 LEAST_SPEED_OSCILLATION = 0.05  # m/s rms
 LEAST_SHARE = 0.05  # of the driving time: shorter at a limit is normal
 LONG_RAMP, LAGS_OF_RAMP = 0.5, 3.0  # s, and lags of the rover: a longer ramp slows the turn down
 RAISE_G = 1.25  # factor by which ATC_TURN_MAX_G is raised at once: the rover may tip over
+WIDE = 1.0  # of FF: an interval this wide says nothing; turns that were held at the stops may say more
+USUAL_LAG = 0.2  # s, of a rover whose turns at the stops do not show it
 STEADY = 0.3  # m/s^2; a target speed that changes less is steady
 SIMULATED_HZ = 100.0  # highest main loop rate of a simulated drive
 
@@ -94,15 +99,19 @@ def check_steering(log: ControllerLog, found: Identified | None = None) -> Steer
             "the gains: drive turns to both sides"
         )
         return SteeringCheck(log, loop, achieved, None, None, None, limits, (), skipped=(words,))
+    if (turned := against(parts, loop)) < TURNED:
+        return SteeringCheck(log, loop, achieved, None, None, None, limits, (_reversed(loop, turned),))
     swing, fitted = oscillation(rows, parts, LEAST_OSCILLATION), response(parts, loop)
     skipped: tuple[str, ...] = ()
-    if fitted is None or fitted.fit < LEAST_FIT:
-        share = 0.0 if fitted is None else fitted.fit
-        fitted, skipped = None, (f"FF: the steering explains only {100 * share:.0f} % of the turn rate",)
     right = None
-    if fitted is not None:
+    share = 0.0 if fitted is None else fitted.fit
+    if fitted is not None and fitted.fit >= LEAST_FIT:
         ends = sorted(replace(fitted, gain=end).feed_forward(loop) for end in fitted.interval)
         right = (fitted.feed_forward(loop), ends[0], ends[1])
+    if right is None or right[2] - right[1] > WIDE * right[0]:
+        fitted, right = None, held_feed_forward(parts, loop) or right
+        if right is None:
+            skipped = (f"FF: the steering explains only {100 * share:.0f} % of the turn rate",)
     if swing is not None:
         skipped += ("FF and the stops: check again when the loop no longer oscillates",)
     if found is not None and found.structure is not None and not found.has_servo:
@@ -141,6 +150,17 @@ def _gains_of_terms(log: ControllerLog) -> dict[str, float]:
     }
 
 
+def _reversed(loop: Autopilot, turned: float) -> GainFault:
+    name = f"SERVO{loop.servo}_REVERSED"
+    words = (
+        f"the rover turns to the other side of the controller's output (correlation {turned:.2f}), so the "
+        "controller steers away from its target and no gain helps. If the stick in MANUAL steers to the "
+        f"wrong side too, {name} is wrong; if not, RC1_REVERSED hides it there. If {name} is right, the gyro "
+        "is not mounted as AHRS_ORIENTATION says"
+    )
+    return GainFault("steering reversed", words, name, float(loop.reversed), float(not loop.reversed))
+
+
 def _oscillates(
     swing: Oscillation | None, gains: Gains, controller: str, unit: str, per: float
 ) -> Iterator[GainFault]:
@@ -160,13 +180,14 @@ def _oscillates(
 def _feed_forward(
     gains: Gains, fitted: Response | None, right: tuple[float, float, float] | None
 ) -> Iterator[GainFault]:
-    if fitted is None or right is None:
+    if right is None:
         return
     steady, low, high = right
     share = gains.ff / steady
     if gains.ff / low >= LOWEST_FF and gains.ff / high <= HIGHEST_FF:
         return
-    wanted = float(beside_integrator(steady, np.array([gains.i]), fitted.lag + fitted.delay)[0])
+    late = USUAL_LAG if fitted is None else fitted.lag + fitted.delay
+    wanted = float(beside_integrator(steady, np.array([gains.i]), late)[0])
     value = float(f"{min(wanted, bound('ATC_STR_RAT_FF', gains.ff)):.3g}")
     yield GainFault(
         "FF too low" if share < 1 else "FF too high",

@@ -9,6 +9,7 @@ from typing import Any
 
 from rover_sweep.gains.check import SpeedCheck, SteeringCheck
 from rover_sweep.gains.corner import Corner
+from rover_sweep.gains.first import FirstFeedForward
 from rover_sweep.gains.proposal import AssessedGains, Proposal, SteeringLimits
 from rover_sweep.gains.speed_proposal import AssessedSpeed, SpeedProposal
 
@@ -305,8 +306,11 @@ def _speed_reasons(proposal: SpeedProposal, judged: AssessedSpeed) -> dict[str, 
 BothChecks = tuple[Sequence[SteeringCheck], Sequence[SpeedCheck]]
 
 
-def check_document(before: BothChecks, now: BothChecks) -> dict[str, Any]:
-    """The checks of the drive before and of the present one, each of steering and speed.
+def check_document(
+    before: BothChecks, now: BothChecks, first: FirstFeedForward | None = None
+) -> dict[str, Any]:
+    """The checks of the drive before and of the present one, each of steering and speed. first: instead of
+    them, the FF from a drive without the controller.
 
     Turn rates in rad/s, speeds in m/s, null for an unknown number.
     """
@@ -338,7 +342,10 @@ def check_document(before: BothChecks, now: BothChecks) -> dict[str, Any]:
         }
         for when, (steering, speed) in (("before", before), ("now", now))
     }
-    return _finite({"format": "rover-sweep gains check", "format_version": 1, **found})
+    document = {"format": "rover-sweep gains check", "format_version": 1, **found}
+    if first is not None:
+        document["first"] = {**asdict(first), "next": first.next}
+    return _finite(document)
 
 
 def _ends(found: tuple[float, float, float] | None) -> dict[str, float] | None:

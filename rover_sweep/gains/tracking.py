@@ -9,9 +9,11 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.signal import welch
+from scipy.stats import t as student
 
 from rover_sweep.data.controller_log import PAUSE, ControllerLog
 from rover_sweep.data.recording import Array, Signal, stretches
+from rover_sweep.data.results import NORMAL_90
 from rover_sweep.driving.fit import OF_SPEED, fit_driving
 from rover_sweep.driving.stretches import RATE, DrivenPart
 from rover_sweep.gains.steering_chain import Autopilot, SampledPlant
@@ -163,7 +165,7 @@ def response(parts: Sequence[Even], autopilot: Autopilot) -> Response | None:
         return None
     gain = found["gain"]
     if not gain > 0:
-        return None
+        return None  # `against` says whether the rover turns to the other side
     low, high = found.interval({"gain": 1.0}, gain)
     half = LEAST_HALF_WIDTH * gain
     ends = float(min(low, gain - half)), float(max(high, gain + half))
@@ -171,12 +173,74 @@ def response(parts: Sequence[Even], autopilot: Autopilot) -> Response | None:
     return Response(gain, ends, found["lag"], found["delay"], -found["straight"], found.explained, mean)
 
 
+LATEST, STEPS = 0.6, 13  # s, largest delay between steering and turn, and number of delays tried
+
+
+def against(parts: Sequence[Even], autopilot: Autopilot) -> float:
+    """Correlation of the turn rate with speed times the steering's travel, at the delay of its largest size.
+
+    -1 where the rover turns to the other side of every output, 0 where steering or turn rate stayed 0. Means
+    are kept: in a turn that is held at a stop, the side says it all.
+    """
+    best = 0.0
+    for late in np.linspace(0.0, LATEST, STEPS):
+        xx = xy = yy = 0.0
+        for part in parts:
+            shift = round(late / part.dt)
+            travel = _travel(part, autopilot) * np.abs(part.speed)
+            x, y = travel[: travel.size - shift], part.actual[shift:]
+            xx, xy, yy = xx + float(x @ x), xy + float(x @ y), yy + float(y @ y)
+        if xx > 0 and yy > 0 and abs(found := xy / math.sqrt(xx * yy)) > abs(best):
+            best = found
+    return best
+
+
+HELD_TRAVEL = 0.4  # share of the travel from which a held turn shows the gain, its trim being unknown
+HELD_WITHIN = 0.1  # of the travel
+LEAST_HELD = 3  # turns, s each of `HELD_TURN`
+HELD_TURN, SETTLING = 1.0, 0.8  # s
+
+
+def held_feed_forward(parts: Sequence[Even], autopilot: Autopilot) -> tuple[float, float, float] | None:
+    """FF [1/(rad/s)] that holds a steady turn, with its 90 % interval, from turns in which the steering was
+    held, as at a stop; None with fewer than `LEAST_HELD` s of them.
+
+    A steering that hardly leaves its stops has no response to fit, but its steady turns show the gain: r over
+    V times the share of travel. The interval is that of their mean, and that of a trim of `TRIM`.
+    """
+    gains, speeds, shares = [], [], []
+    for part in parts:
+        travel, length = _travel(part, autopilot), round(HELD_TURN / part.dt)
+        wait = round(SETTLING / part.dt)
+        for first in range(wait, travel.size - length + 1, length):
+            held = travel[first - wait : first + length]
+            if np.ptp(held) > HELD_WITHIN or abs(held.mean()) < HELD_TRAVEL:
+                continue
+            speed = float(np.mean(np.abs(part.speed[first : first + length])))
+            share = float(held.mean())
+            gains.append(float(np.mean(part.actual[first : first + length])) / (speed * share))
+            speeds.append(speed)
+            shares.append(abs(share))
+    if len(gains) < LEAST_HELD or not np.mean(gains) > 0:
+        return None
+    gain, speed = float(np.mean(gains)), float(np.mean(speeds))
+    scatter = float(student.ppf(0.95, len(gains) - 1)) * float(np.std(gains, ddof=1)) / math.sqrt(len(gains))
+    half = math.hypot(scatter / gain, NORMAL_90 * TRIM / float(np.mean(shares)), LEAST_HALF_WIDTH)
+    found = 1.0 / (gain * speed * autopilot.speed_scale(speed))
+    return found, found / (1 + half), found / max(1 - half, 0.1)
+
+
+def _travel(part: Even, autopilot: Autopilot) -> Array:
+    """Share of the steering's travel (n,), 1 to the stop."""
+    scale = np.array([autopilot.speed_scale(v) for v in part.speed])
+    return np.clip(part.output * scale, -1.0, 1.0)
+
+
 def _driven(part: Even, autopilot: Autopilot) -> DrivenPart:
     """The stretch with the share of the steering's travel, 1 to the stop, as its steering."""
     since = np.asarray(np.arange(part.output.size) * part.dt, float)
-    scale = np.array([autopilot.speed_scale(v) for v in part.speed])
     t = np.arange(0.0, since[-1], 1 / RATE)
-    steering = Signal(since, np.clip(part.output * scale, -1.0, 1.0), "of the travel", hold=False)
+    steering = Signal(since, _travel(part, autopilot), "of the travel", hold=False)
     speed = np.interp(t, since, np.abs(part.speed))
     return DrivenPart("", t, speed, np.interp(t, since, part.actual), steering, None)
 

@@ -237,11 +237,24 @@ def why_none(family: Family, keep: Gains, most: Gains) -> str:
     if p.size:
         return (
             f"every P and I that keeps {GAIN_MARGIN_DB:g} dB and {PHASE_MARGIN_DEG:g} deg overshoots a step "
-            f"by more than {MOST_OVERSHOOT:g} %"
+            f"by more than {MOST_OVERSHOOT:g} %, {_held_fixed(family, keep)}"
         )
     return (
         f"no P and I keep {GAIN_MARGIN_DB:g} dB and {PHASE_MARGIN_DEG:g} deg for all parameter values within "
-        "their intervals"
+        f"their intervals, {_held_fixed(family, keep)}"
+    )
+
+
+def _held_fixed(family: Family, keep: Gains) -> str:
+    """What the design did not change, as it may be the cause."""
+    loop, right = family.autopilot, feed_forward(family)
+    filters = {"FLTT": keep.fltt, "FLTE": keep.flte, "FLTD": keep.fltd}
+    known = ", ".join(f"ATC_STR_RAT_{name} {hz:g} Hz" for name, hz in filters.items() if hz)
+    return (
+        f"with these held fixed: FF at {right:.3g} less what the integrator supplies, "
+        f"{f'{known}, ' if known else ''}INS_GYRO_FILTER {loop.gyro_hz:g} Hz, SCHED_LOOP_RATE "
+        f"{loop.loop_hz:g} Hz, MOT_SPD_SCA_BASE {loop.scale_base:g} m/s; D was tried up to "
+        f"{_D_OF_FF[-1] * right:.2g}"
     )
 
 

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 from rover_sweep.gains.check import GainFault, SpeedCheck, SteeringCheck
+from rover_sweep.gains.first import FirstFeedForward
 from rover_sweep.gains.gains_json import BothChecks
 from rover_sweep.gains.tracking import Oscillation, Tracking
 from rover_sweep.report.document import Document, Section, Sentence, Table, items, some, table_of
@@ -44,6 +45,37 @@ def check_report(before: BothChecks, now: BothChecks) -> Document:
             ),
         ),
     )
+
+
+def first_report(first: FirstFeedForward) -> Document:
+    """The FF from a drive without the controller, and how to check the gains next."""
+    if first.reversed_servo:
+        verdict = f"Next: turn {first.reversed_servo} over: the controller would steer away from its target."
+    elif first.fits:
+        verdict = "FF fits. Next: drive in ACRO and check again."
+    else:
+        change = f"set ATC_STR_RAT_FF to {first.next:g} (now {first.now:.4g})"
+        verdict = f"Next: {change}, drive in ACRO and check again."
+    said = items(list(_about_first(first)))
+    return Document(f"First gain from {first.name}", "", (Sentence(verdict, "strong"), *said), ())
+
+
+def _about_first(first: FirstFeedForward) -> Iterator[str]:
+    interval = f"{first.value:.3g} ({first.low:.3g} to {first.high:.3g})"
+    yield f"ATC_STR_RAT_FF that holds a turn at {first.speed:.2g} m/s: {interval}, from the driving alone"
+    if first.level != "good":
+        yield "the driving shows it only roughly: `identify` with this log says why"
+    if first.assumed:
+        yield (
+            f"the log lacks {', '.join(first.assumed)}, so the firmware's defaults were assumed; FF scales "
+            "with the servo's ends: give the .BIN of the drive"
+        )
+    if first.reversed_servo:
+        yield (
+            f"a larger output of the servo turns the rover to the other side than {first.reversed_servo} "
+            "says; if the stick steers to the right side in MANUAL, RC1_REVERSED hides it"
+        )
+    yield f"P, I and the limits were not checked: {first.why}"
 
 
 def _way(check: SteeringCheck | SpeedCheck) -> str:

@@ -11,15 +11,21 @@ import numpy as np
 import pytest
 from acro_drive import FULL, segments
 
+from rover_sweep.api.driving import identify_driving
+from rover_sweep.api.gains import check_gains
 from rover_sweep.cli.main import run
 from rover_sweep.data.controller_log import ControllerLog
 from rover_sweep.data.recording import Array
 from rover_sweep.gains.check import SteeringCheck, check_speed, check_steering
 from rover_sweep.gains.controller import simulate_loop
+from rover_sweep.gains.first import first_feed_forward
 from rover_sweep.gains.proposal import Proposal, family_of
 from rover_sweep.gains.steering_chain import DEFAULTS, Gains, autopilot
+from rover_sweep.gains.tracking import even_stretches, held_feed_forward
+from rover_sweep.gains.tuning import feed_forward
 from rover_sweep.logs.controllers import read_controllers
-from rover_sweep.report.gains_check_report import check_report
+from rover_sweep.logs.read import read_logs
+from rover_sweep.report.gains_check_report import check_report, first_report
 
 DATA = Path(__file__).parents[1] / "data"
 RECORDED = DATA / "gains" / "ardurover-4.6.3"
@@ -88,6 +94,65 @@ def test_half_and_double_feed_forward_are_found(
     right = check.findings[0].value
     assert right == pytest.approx(tuned.ff, rel=0.15), "the change leads back to the design"
     assert check.after is not None and check.after.rms < check.achieved.rms
+
+
+@pytest.mark.parametrize("was_reversed", [0.0, 1.0])
+def test_a_reversed_servo_is_named_and_not_an_unexplained_turn(was_reversed: float):
+    """The controller drives the steering to a stop, as every output makes the error larger."""
+    t = np.arange(0.0, 60.0, 0.02)
+    target = 0.5 * np.sin(2 * np.pi * 0.1 * t)
+    travel = np.clip(2.0 * target, -1.0, 1.0)
+    rate = -np.interp(t - 0.2, t, travel) * 1.2  # to the other side
+    known = {**DEFAULTS, "MOT_SPD_SCA_BASE": 0.0, "SERVO1_FUNCTION": 26.0, "SERVO1_REVERSED": was_reversed}
+    still = np.zeros(t.size)
+    log = ControllerLog("drive", t, target, rate, travel, still, still, still, still + SPEED, known)
+    check = check_steering(log)
+    assert found(check) == [("steering reversed", "SERVO1_REVERSED")]
+    (fault,) = check.findings
+    assert (fault.now, fault.value) == (was_reversed, 1.0 - was_reversed)
+    assert "correlation -0.9" in fault.words or "correlation -1.0" in fault.words
+    assert not any("explains only" in words for words in check.skipped)
+    said = [part.text for part in check_report(((), ()), ([check], ())).answer]
+    assert said[0].startswith(f"Next: set SERVO1_REVERSED to {1 - was_reversed:g}")
+
+
+def test_a_turn_held_at_the_wrong_stop_is_reversed_too():
+    """What such a loop really does: it winds up to one stop and stays there."""
+    t = np.arange(0.0, 30.0, 0.02)
+    target = np.where(t < 1.0, 0.0, 0.5)
+    still, full = np.zeros(t.size), np.where(t < 1.5, 0.0, 1.0)
+    rate = -1.2 * full + 0.01 * np.random.default_rng(1).standard_normal(t.size)
+    log = ControllerLog("drive", t, target, rate, full, still, still, still, still + SPEED, {**DEFAULTS})
+    assert found(check_steering(log)) == [("steering reversed", "SERVO1_REVERSED")]
+
+
+def test_turns_held_at_the_stops_give_a_first_feed_forward():
+    """FF so large that the steering goes from stop to stop: it has no response to fit, but a steady turn."""
+    t = np.arange(0.0, 60.0, 0.02)
+    target = 0.5 * np.sign(np.sin(2 * np.pi * 0.1 * t))
+    gain, scale = 0.6, 1.0 / SPEED  # 1/m for the whole travel; MOT_SPD_SCA_BASE 1
+    known = {**DEFAULTS, "ATC_STR_RAT_FF": 12.0}
+    output = np.where(t < 30, 1.0, -1.0) * 6.0  # two long turns, each at a stop
+    rng = np.random.default_rng(1)
+    steady = gain * SPEED * np.clip(output * scale, -1, 1)
+    rate = steady + 0.02 * rng.standard_normal(t.size)
+    still = np.zeros(t.size)
+    log = ControllerLog("drive", t, target, rate, still, still, still, output, still + SPEED, known)
+    check = check_steering(log)
+    assert check.feed_forward is not None
+    value, low, high = check.feed_forward
+    truth = 1 / (gain * SPEED * scale)
+    assert low < truth < high and high - low < 0.4 * value
+    assert ("FF too high", "ATC_STR_RAT_FF") in found(check)
+    assert not check.skipped
+
+
+def test_no_held_turn_gives_no_feed_forward(proposal: Proposal, tuned: Gains):
+    """Quick steering about straight: nothing is held."""
+    log = driven(proposal, tuned)
+    quick = replace(log, ff=0.2 * np.sin(9.0 * log.t), p=0 * log.t, i=0 * log.t)
+    parts = even_stretches(quick)
+    assert held_feed_forward(parts, autopilot(log.parameters)) is None
 
 
 def test_an_oscillating_p_is_halved(proposal: Proposal, tuned: Gains):
@@ -204,12 +269,44 @@ def test_a_log_with_changed_gains_is_before_and_after(capsys: pytest.CaptureFixt
 
 
 @pytest.mark.parametrize(("name", "words"), [("run1.BIN", "LOG_BITMASK"), ("run1.tlog", "GCS_PID_MASK to 3")])
-def test_a_log_without_the_controller_says_how_to_log_it(
+def test_a_log_without_the_controller_gives_a_first_ff_and_says_how_to_log_it(
     name: str, words: str, capsys: pytest.CaptureFixture[str]
 ):
-    assert run(["gains", "--check", str(DATA / "ardurover-4.6.3" / "nominal" / name)]) == 3
+    """A drive in MANUAL: the rover's curvature, its servo's ends and MOT_SPD_SCA_BASE give FF."""
+    assert run(["gains", "--check", str(DATA / "ardurover-4.6.3" / "nominal" / name)]) == 0
+    said = " ".join(capsys.readouterr().out.split())
+    assert words in said and "ACRO or AUTO" in said and "P, I and the limits were not checked" in said
+    assert "ATC_STR_RAT_FF that holds a turn at 2.5 m/s" in said
+    assert ("the log lacks" in said and "SERVO1_MIN" in said) == name.endswith(".tlog")
+
+
+def test_the_first_ff_is_that_of_the_model(proposal: Proposal):
+    """Of the same rover, with the servo's ends of that log: FF of a steady turn at that speed."""
+    path = DATA / "ardurover-4.6.3" / "nominal" / "run1.BIN"
+    first = check_gains([path]).first
+    assert first is not None and not first.reversed_servo and not first.assumed
+    loop = autopilot(read_logs(str(path))[-1].parameters)
+    family = family_of(replace(proposal.found, intervals={}), loop, first.speed)
+    assert first.value == pytest.approx(feed_forward(family), rel=0.05)
+    assert first.low < first.value < first.high and first.high - first.low < 0.1 * first.value
+    assert first.next == pytest.approx(first.value, rel=0.01) and not first.fits
+
+
+def test_a_rover_that_turns_against_its_servo_is_told_in_manual_too():
+    path = DATA / "ardurover-4.6.3" / "nominal" / "run1.BIN"
+    answer = identify_driving(path)
+    known = dict(read_logs(str(path))[-1].parameters)
+    turned = autopilot({**known, "SERVO1_REVERSED": 1.0 - known.get("SERVO1_REVERSED", 0.0)})
+    first = first_feed_forward(answer, turned, "run1", "MANUAL")
+    assert first is not None and first.reversed_servo == "SERVO1_REVERSED"
+    said = [part.text for part in first_report(first).answer]
+    assert said[0].startswith("Next: turn SERVO1_REVERSED over")
+
+
+def test_a_log_that_shows_no_turns_says_how_to_log_the_controller(capsys: pytest.CaptureFixture[str]):
+    assert run(["gains", "--check", str(DATA / "ardurover-4.6.3" / "throttle" / "sweep.BIN")]) == 3
     said = capsys.readouterr().err
-    assert words in said and "ACRO or AUTO" in said and said.count("\n") == 1
+    assert "LOG_BITMASK" in said and said.count("\n") == 1
 
 
 def test_without_parameters_the_gains_come_from_the_terms(proposal: Proposal, tuned: Gains):

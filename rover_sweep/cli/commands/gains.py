@@ -75,7 +75,8 @@ def gains(
     With --check the command reads how the vehicle followed its target in a log with PIDS messages (.BIN) or
     PID_TUNING (.tlog): error, lag, overshoot, the limits that were reached, whether FF is too low or too high
     and whether the loop oscillates; and one parameter to change next. With an identification it also
-    predicts the same drive.
+    predicts the same drive. A log in which the controller did not run, as in MANUAL, gives a first
+    ATC_STR_RAT_FF with its interval.
 
     \b
     rover-sweep gains report --check before.BIN --check after.BIN
@@ -125,15 +126,18 @@ def _check(
     from rover_sweep.api.gains import check_gains, read_identified
     from rover_sweep.cli.views.output import echo_json, results
     from rover_sweep.gains.gains_json import check_document
-    from rover_sweep.report.gains_check_report import check_report
+    from rover_sweep.report.gains_check_report import check_report, first_report
     from rover_sweep.report.on_terminal import on_terminal
 
     found = read_identified(Path(place), model, vehicle) if place else None
     checked = check_gains([Path(log) for log in logs], found)
+    now = (checked.steering, checked.speed)
     if as_json:
-        echo_json(json.dumps(check_document(checked.before, (checked.steering, checked.speed)), indent=2))
+        echo_json(json.dumps(check_document(checked.before, now, checked.first), indent=2))
+    elif checked.first is not None:
+        results().print(on_terminal(first_report(checked.first)))
     else:
-        results().print(on_terminal(check_report(checked.before, (checked.steering, checked.speed))))
+        results().print(on_terminal(check_report(checked.before, now)))
 
 
 def _parameters_over(url: str, access: Access) -> dict[str, float]:
