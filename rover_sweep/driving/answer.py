@@ -114,8 +114,9 @@ def _together(logs: Sequence[Log], wheelbase: float | None, rover: Geometry | No
     """What these logs of one rover show."""
     driving = usable_driving(logs)
     used = driving.stretches
-    if driving.speed_sd > KNOWN:
-        return _nothing(driving, *_doubts(driving))
+    doubts = tuple(_doubts(driving))
+    if NORMAL_90 * driving.speed_sd > KNOWN:
+        return _nothing(driving, *doubts)
     if driving.seconds < LEAST_SECONDS:
         return _nothing(
             driving, f"only {int(driving.seconds)} s of driving can be used, {LEAST_SECONDS:.0f} s are needed"
@@ -130,12 +131,12 @@ def _together(logs: Sequence[Log], wheelbase: float | None, rover: Geometry | No
     fit = fit_driving(used, driving.known, held, driving.speed_sd)
     level, reasons = _judged(fit, gain_change(fit, used))
     if level == "none":
-        return _nothing(driving, *reasons, fit=fit)
+        return _nothing(driving, *(doubts or reasons), fit=fit)
     if unsure := sorted({channel for log in logs for channel in log.unsure} & set(SCALING)):
         level, reasons = "rough", (*reasons, _scaled_by(unsure))
     if driving.course:
         level, reasons = "rough", (*reasons, OF_POSITIONS)
-    if doubts := tuple(_doubts(driving)):
+    if doubts:
         level, reasons = "rough", (*reasons, *doubts)
     numbers, unknown = _numbers(fit, driving, speeds, wheelbase)
     tyres = tyre_stiffnesses(fit, rover, speeds[1]) if rover else ()

@@ -44,6 +44,7 @@ FAULTS = (
         remedy="set WENC_RADIUS, or the counts per turn (WENC_CPR)",
     ),
     ChannelFault("wheel speed", "wheel_speed", 0.03, scaled=("wheel_speed",)),
+    ChannelFault("scale of the positions", "path_speed", 0.01, scaled=("path_speed",)),
     ChannelFault("GPS speed", "gps_speed", 0.003, scaled=("gps_speed",)),
     ChannelFault(
         "gyro scale", "r", 0.002, scaled=("r",), says="the gyro reads {factor:.3g} times the yaw rate"
@@ -180,7 +181,8 @@ def _decided(log: Log, fault: ChannelFault, best: FaultSet, relations: Sequence[
     what = fault.says.format(factor=factor) or f"the {fault.name} is wrong"
     used = {"r", "speed"} & {*fault.scaled} or {"r", "ay", "heading"} & {*fault.turned}
     done = "; it was corrected" if used else "; it is not used"
-    remedy = f": {fault.remedy}" if fault.remedy else ""
+    autopilot = bool(log.parameters or log.marks)  # whose parameters the remedies name
+    remedy = f": {fault.remedy}" if fault.remedy and autopilot else ""
     return f"{what} ({_by(log, relations, [fault])}){done}{remedy}"
 
 
@@ -202,7 +204,7 @@ def _undecided(log: Log, relations: Sequence[ChannelRelation], found: Sequence[F
         for factor, sd in [one.scales.get("speed", (1.0, 0.0))]
     )
     turned = any(one.turned & {"r", "heading"} for one in likely)
-    words = f"channels contradict each other: {by}; nothing in the log decides which is wrong ({names})"
+    words = f"channels contradict each other: {by}; which is wrong is not certain ({names})"
     return Contradiction(faults[0].channel, False, words, float(np.sqrt(squares)), turned)
 
 
@@ -220,7 +222,7 @@ def _evidence(log: Log, one: ChannelRelation) -> str:
     s, w = log.signals, log.witnesses
     ratio = one.ratio * (one.sign or 1)
     match one.name:
-        case "gps_speed" | "wheel_speed":
+        case "gps_speed" | "wheel_speed" | "path_speed":
             return f"{s['speed'].source} is {ratio:.3g} times {w[one.name].source}"
         case "psi":
             return f"{s['psi'].source} turns {ratio:.3g} times as fast as {s['r'].source}"

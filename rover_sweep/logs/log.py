@@ -73,8 +73,8 @@ class Log:
     system: MAVLink system id of a telemetry log, 0 if not known.
     unsure: of a file of another system: "r" or "speed", whose unit is a guess; "delta", which is no angle;
     "course", where the yaw rate is that of the course over ground.
-    witnesses: what was recorded again by other means, only to compare: gps_speed, wheel_speed [m/s],
-    gps_course [rad, left positive], r2 [rad/s] of a second IMU.
+    witnesses: what was recorded again by other means, only to compare: gps_speed, wheel_speed, path_speed
+    (of positions) [m/s], gps_course [rad, left positive], r2 [rad/s] of a second IMU.
     contradictions: between channels, and what became of them (`logs.cross_check`).
     vehicle: "rover", another ArduPilot vehicle's name, or "" if not known.
     """

@@ -10,7 +10,7 @@ compared slowly and without a delay, because sideslip and the IMU's position mak
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -29,7 +29,8 @@ PUSHES = 30.0  # us of throttle from its trim
 AGREE = 0.6  # mean agreement of two directions, from which it is a sign
 # sd of the logarithms of the ratios; correct recordings of 4.5.7 and 4.6.3 have .98 to 1.00, .98 to 1.01,
 # .93 to 1.01, .87 to 1.03 and (with the roll angle) .97 to 1.03
-SPEED_SD, HEADING_SD, GYRO_SD, COURSE_SD, FORCE_SD = 0.02, 0.03, 0.05, 0.1, 0.08
+HEADING_SD, GYRO_SD, COURSE_SD, FORCE_SD = 0.03, 0.05, 0.1, 0.08
+SPEEDS = {"gps_speed": 0.02, "wheel_speed": 0.02, "path_speed": 0.03}  # the slope of positions is noisier
 LEANING = 1.055  # usual a_y over V r where no roll angle says how much of it is gravity (quality.relations)
 
 
@@ -37,8 +38,8 @@ LEANING = 1.055  # usual a_y over V r where no roll angle says how much of it is
 class _Motion:
     """Means (n,) over `SMOOTH` at the times t (n,) s. Rates are those of `r`, left positive.
 
-    velocity: along and left of the heading, m/s; turned, course: rates of heading and course, rad/s;
-    throttle: -1, 0 or 1; NaN where not recorded. steady: no hole nearby.
+    velocity: along and left of the heading, m/s; speeds: others, m/s; turned, course: rates of heading and
+    course, rad/s; throttle: -1, 0 or 1. NaN where not recorded, and near holes.
     """
 
     t: Array
@@ -48,8 +49,7 @@ class _Motion:
     turned: Array
     course: Array
     ay: Array
-    gps: Array
-    wheels: Array
+    speeds: Mapping[str, Array]
     throttle: Array
 
     @property
@@ -93,8 +93,7 @@ def _motion(log: Log) -> _Motion | None:
         _rate(psi, t),
         _course(log, t),
         ay,
-        _smooth(others.get("gps_speed"), t),
-        _smooth(others.get("wheel_speed"), t),
+        {name: np.abs(_smooth(others[name], t)) for name in SPEEDS if name in others},
         _throttle(log, t),
     )
 
@@ -157,9 +156,9 @@ def _relations(m: _Motion, has_heading: bool, has_roll: bool) -> Iterator[Channe
     """Those that there is enough driving for. has_heading: the velocity has a sign, by a heading."""
     v = m.speed
     moving = v > MOVING
-    for channel, other in (("gps_speed", m.gps), ("wheel_speed", np.abs(m.wheels))):
+    for channel, other in m.speeds.items():
         if (ratio := _ratio(v, other, other > MOVING)) is not None:
-            yield ChannelRelation(channel, {"speed": 1, channel: -1}, ratio, SPEED_SD)
+            yield ChannelRelation(channel, {"speed": 1, channel: -1}, ratio, SPEEDS[channel])
     turning = np.abs(m.r) > TURNING
     for name, rate, sd in (
         ("psi", m.turned, HEADING_SD),

@@ -17,6 +17,7 @@ from rover_sweep.logs.log import Log
 from rover_sweep.logs.read import read_logs, runs_of, usable_log
 from rover_sweep.logs.redundant_channels import channel_relations
 from tests.quality.damage import rewritten
+from tests.recordings.draw import Wanted, drawn_log
 
 FOLDERS = (NOMINAL, DEFAULTS, STOCK, APPLET, OLDER, *(DATA / "concealed-ardurover").glob("?"))
 SOUND = sorted(path for folder in FOLDERS for kind in ("BIN", "tlog") for path in folder.glob(f"*.{kind}"))
@@ -203,3 +204,58 @@ def test_a_speed_that_nothing_decides_gives_no_number(tmp_path: Path) -> None:
     found = rs.identify_driving(rewritten(NOMINAL / "run1.BIN", tmp_path / "alone.BIN", changes))
     assert found.level == "none" and not found.numbers
     assert any("a_y is 0.2" in reason and "speed scale or" in reason for reason in found.reasons)
+
+
+# ---- Recordings of other systems, with what they have.
+
+
+def table(path: Path, factor: float, positions: bool) -> str:
+    """A .csv of a rover of .5 m wheelbase that swings, whose speed is wrong by a factor."""
+    t = np.arange(0.0, 90.0, 0.02)
+    speed = 2.0 + 0.4 * np.sin(0.11 * t)
+    steering = 0.15 * np.sin(0.9 * t) + 0.06 * np.sin(2.3 * t)
+    r = speed * np.interp(t - 0.05, t, steering) / 0.5
+    psi = np.cumsum(r) * 0.02
+    noise = np.random.default_rng(5).normal(size=(3, t.size))
+    columns = {
+        "time": t,
+        "steering_angle_cmd": steering,
+        "yaw_rate": r + 0.01 * noise[0],
+        "speed": factor * speed,
+        "lat_acc": 1.03 * speed * r + 0.1 * noise[1],
+    }
+    if positions:
+        columns |= {
+            f"pos_{axis}": np.cumsum(speed * f(psi)) * 0.02 for axis, f in (("x", np.cos), ("y", np.sin))
+        }
+    rows = np.stack(list(columns.values()), 1)
+    np.savetxt(path, rows, "%.5f", ",", header=",".join(columns), comments="")
+    return str(path)
+
+
+@pytest.mark.parametrize(("factor", "wrong"), [(1.0, False), (1.3, True), (0.7, True)])
+def test_positions_decide_between_speed_and_a_y(tmp_path: Path, factor: float, wrong: bool) -> None:
+    found = rs.identify_driving(table(tmp_path / "drive.csv", factor, positions=True))
+    assert found.level == "good"
+    assert found.numbers["wheelbase_seen"].value == pytest.approx(0.5, rel=0.04)
+    assert any("times the true one" in words for words in found.read) == wrong
+
+
+@pytest.mark.parametrize(("factor", "level"), [(1.0, "good"), (1.33, "rough"), (0.5, "none")])
+def test_without_positions_a_wrong_speed_lowers_the_grade(tmp_path: Path, factor: float, level: str) -> None:
+    found = rs.identify_driving(table(tmp_path / "drive.csv", factor, positions=False))
+    assert found.level == level
+    assert any("a_y is" in reason for reason in found.reasons) == (level != "good")
+    if level == "rough":
+        q = found.numbers["wheelbase_seen"]
+        assert q.low < 0.5 < q.high, "the interval allows for either"
+
+
+def test_a_velocity_of_another_scale_is_still_one_of_two(tmp_path: Path) -> None:
+    """PX4's local position: with vx and vy 1.3 times too large, vx alone was taken for the speed."""
+    pytest.importorskip("pyulog")
+    drawn = drawn_log(4, 2, tmp_path, Wanted("speed scale", "ulog", "", "foreign", 75.0))
+    found = rs.identify_driving(*drawn.sources)
+    assert any("velocity vehicle_local_position.vx" in w and "times the true one" in w for w in found.read)
+    seen = found.numbers["wheelbase_seen"].value
+    assert seen == pytest.approx(drawn.truth.wheelbase / drawn.per, rel=0.1)

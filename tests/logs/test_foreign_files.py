@@ -262,7 +262,8 @@ def test_a_file_without_names_is_understood_by_its_numbers(tmp_path: Path) -> No
     columns = (clock, d["t"] * 30 % 7, d["delta"], d["x"], d["y"], turn, d["v"], d["r"], d["ax"])
     path = written(tmp_path / "log.csv", {str(k): c for k, c in enumerate(columns)}, header=False)
     found = guessed(path).map
-    assert found == {"time": "column 1", "r": "column 8", "speed": "column 7", "delta": "column 3"}
+    motion = {"r": "column 8", "speed": "column 7", "path_speed": {"position": ["column 4", "column 5"]}}
+    assert found == {"time": "column 1", "delta": "column 3", **motion}
 
 
 def test_a_heading_replaces_the_gyro_and_positions_the_speed(tmp_path: Path) -> None:

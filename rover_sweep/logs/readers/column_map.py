@@ -24,6 +24,10 @@ Where there is no gyro or no speed, several columns make one:
     r = {lat_lon = ["lat", "lon"]}                 # how fast the course turns; also position, velocity
     r = {columns = ["gx", "gy", "gz"], along = [0, 0.6, 0.8]}  # their sum with these weights; also ay, p
 
+A second speed is only compared with the first, and says which of speed and a_y is wrong:
+
+    path_speed = {position = ["x", "y"]}           # also lat_lon, velocity, or a column
+
 A steering in -1 to 1 is no angle: `delta = {column = "steer", unit = "full"}`.
 
 Was the steering commanded, so that the servo is behind it, or measured? Without the key, `pwm` was commanded,
@@ -67,7 +71,9 @@ UNITS = {
     "psi": "rad",
     "throttle": "us",
     "servo": "us",
+    "path_speed": "m/s",
 }
+WITNESSES = {"path_speed"}  # channels that are only compared with others
 OPTIONS = {"time", "trial", "runs", "leave_out", "axes", "sampling", "filters"}
 # Unit of a channel -> the units that it may be given in, and their factors
 FACTORS: Mapping[str, Mapping[str, float]] = {
@@ -88,6 +94,7 @@ MADE: Mapping[str, Mapping[str, tuple[int, str]]] = {
     "ay": {"columns": (3, "m/s^2")},
     "psi": {"quaternion": (4, "")},
     "speed": PATHS,
+    "path_speed": PATHS,
 }
 
 

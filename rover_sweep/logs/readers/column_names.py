@@ -39,10 +39,12 @@ _PATTERNS: dict[str, tuple[tuple[str, float], ...]] = {
         (r"\b(fahr)?geschwindigkeit\b", 1.0),
     ),
     "ay": (
+        (r"\bvehicle acceleration xyz 1\b", 1.0),
         (r"\b(a|acc|accel|acceleration|linear acceleration|imu) ?y\b|\by ?(acc|accel)\b", 1.0),
         (r"\blat(eral)? ?(acc|accel|acceleration|g)\b|\blat g\b|\ba ?lat\b|\bquerbeschleunigung\b", 1.0),
     ),
     "ax": (
+        (r"\bvehicle acceleration xyz 0\b", 1.0),
         (r"\b(a|acc|accel|acceleration|linear acceleration) ?x\b|\bx ?(acc|accel)\b", 1.0),
         (r"\blong(itudinal)? ?(acc|accel|acceleration|g)\b|\ba ?long\b", 1.0),
     ),
@@ -169,8 +171,8 @@ def origin_in(name: str) -> Origin:
 
 
 def without_unit(name: str) -> str:
-    """The name without a unit in brackets at its end."""
-    return re.sub(r"[\[(][^\])]*[\])]\s*$", "", name.strip("# "))
+    """The name without a unit in brackets at its end; a number there is a place in a list."""
+    return re.sub(r"[\[(](?!\d+[\])])[^\])]*[\])]\s*$", "", name.strip("# "))
 
 
 def unit_in(name: str) -> str:

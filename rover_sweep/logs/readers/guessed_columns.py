@@ -47,6 +47,7 @@ from rover_sweep.logs.readers.motion_columns import (
     direction,
     motion_columns,
     moving_parts,
+    other_speed,
     speed_is_known,
     yaw_rate_of,
 )
@@ -466,6 +467,9 @@ def _other_lines(grid: ColumnGrid, motion: MotionColumns) -> Iterator[FoundColum
             other = {"column": name, "scale": float(f"{k * FACTORS['m/s'][motion.units['speed']]:.4g}")}
             words = f"revolutions that follow the speed ({100 * share:.0f} %)"
             yield FoundColumn("speed", None, "", words, (f"speed = {toml_value(other)}",))
+    if (other := other_speed(grid, motion)) is not None:
+        words = f"moves as the speed says ({100 * other[1]:.0f} %): only to compare the speed with"
+        yield FoundColumn("path_speed", other[0], "likely", words)
     roll = max(same, key=lambda n: name_weight("p", n), default="")
     turned = motion.ay and not name_weight("ay", motion.ay)
     tilted = "along" in grid.made.get(motion.r, {})

@@ -17,6 +17,7 @@ from rover_sweep.logs.log import Log, increasing, refuse_disorder
 from rover_sweep.logs.readers.column_map import (
     PATHS,
     UNITS,
+    WITNESSES,
     Column,
     ColumnMap,
     StreamClock,
@@ -162,11 +163,20 @@ def _moved(t: Array, column: Column, parts: Sequence[Array], turns: bool) -> Arr
 SELDOM = 0.4  # s between positions, from which the chord of a turn is no longer its path
 
 
+def _apart(t: Array, parts: Sequence[Array]) -> float:
+    """Usual time [s] between two positions."""
+    changed = t[1:][np.any([np.diff(part) != 0 for part in parts], axis=0)]
+    return float(np.median(np.diff(changed))) if changed.size > 1 else 0.0
+
+
+def _is_seldom(t: Array, parts: Sequence[Array]) -> bool:
+    return _apart(t, parts) > SELDOM
+
+
 def _refuse_seldom(name: str, column: Column, t: Array, parts: Sequence[Array]) -> None:
     """DataRefused for positions that come too seldom for a speed in turns."""
-    changed = t[1:][np.any([np.diff(part) != 0 for part in parts], axis=0)]
-    apart = float(np.median(np.diff(changed))) if changed.size > 1 else 0.0
-    if apart > SELDOM:
+    if _is_seldom(t, parts):
+        apart = _apart(t, parts)
         raise DataRefused(
             f"{name}: the positions ({', '.join(column.names)}) come every {apart:.2g} s, too seldom for a "
             "speed in turns (4 a second are enough); give a column of the speed"
@@ -191,6 +201,8 @@ def _log(name: str, table: RecordedTable, rows: Sequence[NDArray[np.bool_]], col
         if column.made in ("heading", "quaternion"):
             x = np.unwrap(x) if channel == "psi" else slope(t, np.unwrap(x))
         elif column.made in PATHS and t.size:
+            if channel in WITNESSES and _is_seldom(t, parts):
+                continue
             _refuse_seldom(name, column, t, parts)
             x = _moved(t, column, parts, channel == "r")
         if columns.frd and channel in SIGN_CHANGES:
@@ -211,6 +223,7 @@ def _log(name: str, table: RecordedTable, rows: Sequence[NDArray[np.bool_]], col
     for channel, value in columns.constants.items():
         signals[channel] = Signal(whole, np.full(whole.size, value), UNITS[channel], "column map")
     steering = tuple(signals.pop(c) for c in ("delta", "pwm") if c in signals)
+    witnesses = {c: signals.pop(c) for c in WITNESSES & set(signals)}
     courses = columns.columns["r"].made in PATHS
     angle = "delta" not in columns.columns or columns.columns["delta"].unit != "full"
     unsure = (*table.unsure, *(() if angle else ("delta",)), *(("course",) if courses else ()))
@@ -229,6 +242,7 @@ def _log(name: str, table: RecordedTable, rows: Sequence[NDArray[np.bool_]], col
         notes=tuple(notes),
         sources=table.sources,
         whole=columns.whole,
+        witnesses=witnesses,
     )
 
 

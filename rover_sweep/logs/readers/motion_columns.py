@@ -60,11 +60,13 @@ class MotionColumns:
 class _Ground:
     """Speed over ground (n,) m/s and rate of the course (n,) rad/s of two position columns, and their means.
 
-    course: (n,) rad from the first axis. slopes: (share, column) of a velocity for each position. made: the
-    map's entry for both. path: the grid's column of the course.
+    place: the map's entry for the positions themselves; made: that for both, of velocities where there are
+    any. course: (n,) rad from the first axis. slopes: (share, column) of a velocity for each position.
+    path: the grid's column of the course.
     """
 
     name: str
+    place: dict[str, Any]
     made: dict[str, Any]
     path: str
     speed: Array
@@ -100,14 +102,15 @@ _AXES = (
 
 
 def _ground(grid: ColumnGrid, one: str, two: str, degrees: bool = False) -> _Ground:
-    """The made columns are of two velocities, where these are the slopes of the positions."""
+    """The made columns are of two velocities, where these are the slopes of the positions, at any scale."""
     vx, vy = grid.dot[one], grid.dot[two]
-    made: dict[str, Any] = {"position": [one, two]}
+    made: dict[str, Any]
+    place = made = {"position": [one, two]}
     slopes = () if degrees else (_slope_of(grid, one), _slope_of(grid, two))
     if degrees:
         whole = float(np.max(np.abs(grid.x[two]))) > 400  # 1e-7 degrees, as in MAVLink
         scale = 1e-7 if whole else 1.0
-        made = {"lat_lon": [two, one], **({"scale": scale} if whole else {})}
+        place = made = {"lat_lon": [two, one], **({"scale": scale} if whole else {})}
         vx = vx * scale * DEGREE * np.cos(np.radians(scale * grid.x[two]))
         vy = vy * scale * DEGREE
     elif all(pair := [name for _, name in slopes]):
@@ -118,7 +121,7 @@ def _ground(grid: ColumnGrid, one: str, two: str, degrees: bool = False) -> _Gro
     path = "" if is_numbered(one) else f"path {one}, {two}"
     if path:
         grid.make(path, made, one, course, rate)
-    return _Ground(f"{one}, {two}", made, path, speed, course, slopes, means(speed), means(rate))
+    return _Ground(f"{one}, {two}", place, made, path, speed, course, slopes, means(speed), means(rate))
 
 
 def motion_columns(grid: ColumnGrid) -> MotionColumns:
@@ -160,12 +163,15 @@ def _made_speeds(
 
 
 def _slope_of(grid: ColumnGrid, position: str) -> tuple[float, str]:
-    """(share, the column) that is the slope of a position, in the same unit; (LINK, "") without one."""
+    """(share, the column) that is the slope of a position, at any scale; (LINK, "") without one.
+
+    A velocity with a scale of its own is one all the same: `path_speed` then contradicts it.
+    """
     best = (LINK, "")
     for name in grid.dot:
         if grid.stream[name] == grid.stream[position] and name not in grid.made:
             k, share = relation(grid.mean[name], grid.mean_dot[position])
-            best = max(best, (share if abs(log(abs(k) + 1e-12)) < UNIT else 0.0, name))
+            best = max(best, (share if k > 0 else 0.0, name))
     return best
 
 
@@ -317,6 +323,24 @@ def direction(grid: ColumnGrid, motion: MotionColumns, gain: float) -> tuple[boo
     why = [*(["a_y"] if lateral else []), *(["the steering"] if gain else [])]
     way = "driven forward: its sign is changed" if forward > 0 else "driven in reverse"
     return forward < 0, f"most of it is below 0; by the sign of {' and of '.join(why)}, {way}"
+
+
+def other_speed(grid: ColumnGrid, motion: MotionColumns) -> tuple[dict[str, Any], float] | None:
+    """(entry of the map, share) of positions that move as the speed says, at any scale; None without any."""
+    if motion.speed not in grid.mean or {"position", "lat_lon"} & set(grid.made.get(motion.speed, {})):
+        return None
+    best: tuple[float, dict[str, Any]] = (LINK, {})
+    for ground in _grounds(grid):
+        if motion.speed not in ground.name.split(", "):
+            slope = ground.mean_speed if ground.made is ground.place else means(_path_speed(grid, ground))
+            _, share = relation(slope, np.abs(grid.mean[motion.speed]))
+            best = max(best, (share, ground.place), key=lambda pair: pair[0])
+    return (best[1], best[0]) if best[1] else None
+
+
+def _path_speed(grid: ColumnGrid, ground: _Ground) -> Array:
+    """Speed (n,) of two position columns in m."""
+    return np.hypot(*(grid.dot[name] for name in ground.place["position"]))
 
 
 def yaw_rate_of(grid: ColumnGrid, motion: MotionColumns) -> Array:
