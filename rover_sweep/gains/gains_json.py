@@ -342,7 +342,7 @@ def check_document(
         }
         for when, (steering, speed) in (("before", before), ("now", now))
     }
-    document = {"format": "rover-sweep gains check", "format_version": 1, **found}
+    document: dict[str, Any] = {"format": "rover-sweep gains check", "format_version": 1, **found}
     if first is not None:
         document["first"] = {**asdict(first), "next": first.next}
     return _finite(document)

@@ -317,3 +317,9 @@ def test_without_parameters_the_gains_come_from_the_terms(proposal: Proposal, tu
     assert check.autopilot.gains.ff == pytest.approx(tuned.ff / 2, rel=0.01)
     said = [part.text for part in check_report(((), ()), ([check], ())).answer]
     assert any("Assumed at the firmware's defaults" in text for text in said)
+
+
+def test_the_first_ff_is_in_the_json_document(capsys: pytest.CaptureFixture[str]):
+    assert run(["gains", "--check", str(DATA / "ardurover-4.6.3" / "nominal" / "run1.BIN"), "--json"]) == 0
+    first = json.loads(capsys.readouterr().out)["first"]
+    assert first["low"] < first["value"] < first["high"] and first["reversed_servo"] == ""
