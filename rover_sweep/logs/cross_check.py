@@ -5,7 +5,7 @@ What two others contradict is corrected. What only one other contradicts stays, 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from math import log as natural_log
 
@@ -13,13 +13,14 @@ import numpy as np
 
 from rover_sweep.data.recording import Note
 from rover_sweep.logs.heading import HeadingError, heading_error
-from rover_sweep.logs.log import Contradiction, Log
-from rover_sweep.logs.redundant_channels import channel_relations
+from rover_sweep.logs.log import Contradiction, Log, are_different, disagreement
+from rover_sweep.logs.redundant_channels import channel_relations, steering_share
 from rover_sweep.quality.redundant import DECIDED, ChannelFault, ChannelRelation, FaultSet, explanations
 from rover_sweep.quality.relations import stretched
 
 CLOCK = "clock"
 CONTRADICTED = "contradiction"  # fault of a run
+FOLLOWS = 0.6  # share of the yaw rate, from which a steering moves the rover
 DOUBT = 0.5  # probability that nothing is wrong, below which a log is said to contradict itself
 SURE_SPEED = 0.03  # sd of the logarithm of the speed's scale; with more, a number is not sure to 10 %
 
@@ -99,10 +100,28 @@ def cross_checked(log: Log) -> Log:
         return log
     if (error := heading_error(log)) is not None:
         log = _with_heading(log, error)
+    log = replace(log, contradictions=(*log.contradictions, *_of_steering(log)))
     relations = channel_relations(log)
     if relations:
         log = _with_explanation(log, relations, explanations(relations, FAULTS))
     return replace(log, notes=(*log.notes, *(_note(c) for c in log.contradictions if c.channel != CLOCK)))
+
+
+def _of_steering(log: Log) -> Iterator[Contradiction]:
+    """Two records of the steering that are not of one output; the yaw rate decides which moves the rover."""
+    for other in log.steering[1:]:
+        first = log.steering[0]
+        difference, spread = disagreement(other, first)
+        if not are_different(difference, spread):
+            continue
+        shares = [steering_share(log, one) for one in (first, other)]
+        words = (
+            f"{first.source} and {other.source} differ by {difference:.0f} {first.unit} (rms): the yaw rate "
+            f"follows them to {100 * shares[0]:.0f} % and {100 * shares[1]:.0f} %"
+        )
+        decided = shares[0] > FOLLOWS > 2 * shares[1]
+        done = f"{first.source} is used" if decided else "which of them moves the wheels is not certain"
+        yield Contradiction("steering", decided, f"{words}; {done}")
 
 
 def _with_heading(log: Log, error: HeadingError) -> Log:

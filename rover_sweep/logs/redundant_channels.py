@@ -26,6 +26,7 @@ MOVING, TURNING, FORCE = 0.5, 0.1, 0.3  # m/s, rad/s and m/s^2, from which ratio
 SHORTEST = 8.0  # s, of what is compared
 CLEAR = 0.5  # share of a quantity that the other must give
 PUSHES = 30.0  # us of throttle from its trim
+LATE = 0.1  # s, by which a rover usually follows its steering
 AGREE = 0.6  # mean agreement of two directions, from which it is a sign
 # sd of the logarithms of the ratios; correct recordings of 4.5.7 and 4.6.3 have .98 to 1.00, .98 to 1.01,
 # .93 to 1.01, .87 to 1.03 and (with the roll angle) .97 to 1.03
@@ -96,6 +97,20 @@ def _motion(log: Log) -> _Motion | None:
         {name: np.abs(_smooth(others[name], t)) for name in SPEEDS if name in others},
         _throttle(log, t),
     )
+
+
+def steering_share(log: Log, steering: Signal) -> float:
+    """Share of r/V that a record of the steering gives, as means over `SMOOTH`; 0 without driving."""
+    if not {"r", "speed"} <= set(log.signals) or (m := _motion(log)) is None:
+        return 0.0
+    good = (m.speed > MOVING) & np.isfinite(m.r)
+    if good.sum() * GRID < SHORTEST:
+        return 0.0
+    curvature, u = (m.r / np.maximum(m.speed, MOVING))[good], _smooth(steering, m.t - LATE)[good]
+    known = np.isfinite(u)
+    if known.sum() * GRID < SHORTEST or np.ptp(u[known]) == 0 or np.ptp(curvature[known]) == 0:
+        return 0.0
+    return float(np.corrcoef(curvature[known], u[known])[0, 1] ** 2)
 
 
 def _smooth(signal: Signal | None, t: Array) -> Array:

@@ -165,6 +165,16 @@ def test_a_gyro_that_jumps_is_not_taken_for_a_heading(log: Log) -> None:
     assert not any(one.channel == "heading" for one in cross_checked(silent).contradictions)
 
 
+@pytest.mark.parametrize("first", [True, False])
+def test_of_two_records_of_the_steering_the_yaw_rate_follows_one(log: Log, first: bool) -> None:
+    right = log.steering[0]
+    other = replace(right, x=np.roll(right.x, right.x.size // 3), source="RCOU.C2")
+    steering = (right, other) if first else (other, right)
+    (one,) = cross_checked(replace(log, steering=steering)).contradictions
+    assert one.channel == "steering" and one.decided == first
+    assert "RCOU.C2" in one.text and right.source in one.text
+
+
 # ---- In files, and in the answers.
 
 
@@ -257,5 +267,5 @@ def test_a_velocity_of_another_scale_is_still_one_of_two(tmp_path: Path) -> None
     drawn = drawn_log(4, 2, tmp_path, Wanted("speed scale", "ulog", "", "foreign", 75.0))
     found = rs.identify_driving(*drawn.sources)
     assert any("velocity vehicle_local_position.vx" in w and "times the true one" in w for w in found.read)
-    seen = found.numbers["wheelbase_seen"].value
+    seen = found.numbers["full_radius"].value
     assert seen == pytest.approx(drawn.truth.wheelbase / drawn.per, rel=0.1)
