@@ -135,6 +135,15 @@ def diagnosed(
     return replace(found, remarks=(*found.remarks, *remarks), seconds=time.monotonic() - started)
 
 
+def why_not_diagnosed(runs: Sequence[Recording], held_out: Sequence[Recording]) -> str:
+    """Why these runs would be refused for a diagnosis, such as runs of two rovers; "" if they would not."""
+    try:
+        _sound(material(runs, held_out))
+    except (DataRefused, UsageError) as refused:
+        return str(refused)
+    return ""
+
+
 def _sound(given: Material) -> tuple[Material, tuple[str, ...]]:
     """The material without faulty runs and lateral channels, and why; DataRefused where more is faulty.
 

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from rover_sweep.api.read import Location
+from rover_sweep.api.read import Location, left_out_note
 from rover_sweep.data.recording import origin_remark
 from rover_sweep.data.results import ShortTable
 from rover_sweep.data.vehicle_file import load
@@ -94,12 +94,17 @@ def identify_driving(
         raise UsageError(f"the wheelbase is {wheelbase!r}; give metres, {low:g} to {high:g}")
     names = [fspath(source) for source in sources]
     rover = None if vehicle is None else geometry_of(load(vehicle))
-    logs = tuple(with_slope(log) if _is_foreign(log) else log for log in _logs(names, columns, system))
+    usable, refused = _logs(names, columns, system)
+    logs = tuple(with_slope(log) if _is_foreign(log) else log for log in usable)
     logs = with_one_clock(logs) if all(map(_is_foreign, logs)) else logs
     found = answer_from(logs, wheelbase, rover)
     foreign = [log for log in logs if _is_foreign(log)]
     decided = [one.text for one in found.driving.contradictions if one.decided]
-    notes = [*decided, *(note.text for log in foreign for note in log.notes)]
+    notes = [
+        *(left_out_note(refusal).text for refusal in refused),
+        *decided,
+        *(note.text for log in foreign for note in log.notes),
+    ]
     notes.append(origin_remark({log.name: log.steering[0] for log in foreign if log.steering}))
     return DrivingIdentification(
         **{f.name: getattr(found, f.name) for f in fields(found)},
@@ -116,23 +121,40 @@ def _is_foreign(log: Log) -> bool:
 
 def _logs(
     names: Sequence[str], columns: Mapping[str, Any] | str | None, system: int | None
-) -> tuple[Log, ...]:
-    """The logs that can be used; DataRefused without any, UsageError for a file that is given twice."""
+) -> tuple[tuple[Log, ...], tuple[DataRefused, ...]]:
+    """(the logs that can be used, the refusal of each source without any).
+
+    DataRefused where no source has one, UsageError for a file that is given twice.
+    """
     usable: list[Log] = []
-    refusals: list[DataRefused] = []
+    refused: list[DataRefused] = []
     known: set[str] = set()
     for name in names:
-        with np.errstate(invalid="ignore", over="ignore"):  # damaged numbers are removed next
-            logs = read_logs(name, column_map=columns, system=system)
+        try:
+            with np.errstate(invalid="ignore", over="ignore"):  # damaged numbers are removed next
+                logs = read_logs(name, column_map=columns, system=system)
+        except DataRefused as refusal:
+            refused.append(refusal)
+            continue
         files = {sha for log in logs for _, sha in log.sources}
         if files & known:
             raise UsageError("the same log is given twice, which would make its numbers look more certain")
         known |= files
-        for log in logs:
-            try:
-                usable.append(usable_log(log, steering_wheel=True))
-            except DataRefused as refusal:  # of one start of the vehicle; others may be usable
-                refusals.append(refusal)
+        own, refusals = _usable(logs)
+        usable += own
+        refused += refusals[:1] if not own else []
     if not usable:
-        raise refusals[0]
-    return tuple(usable)
+        raise refused[0]
+    return tuple(usable), tuple(refused)
+
+
+def _usable(logs: Sequence[Log]) -> tuple[list[Log], list[DataRefused]]:
+    """The starts of a vehicle in one source that can be used, and the refusals of the others."""
+    usable: list[Log] = []
+    refusals: list[DataRefused] = []
+    for log in logs:
+        try:
+            usable.append(usable_log(log, steering_wheel=True))
+        except DataRefused as refusal:
+            refusals.append(refusal)
+    return usable, refusals

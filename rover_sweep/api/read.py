@@ -442,27 +442,45 @@ def load_runs(
 
     A source is a file, a trial of it or a pair for `read_runs`, or the folder of a session. other_sources:
     further sources in use, whose names must differ too; a trial among them is left out of its whole file.
+
+    A source without a usable run, such as the log of another vehicle, is left out where others have runs: the
+    first run gets a note with the reason. DataRefused where none has.
     """
     parts, others = ([trial_source(s) for s in some] for some in (sources, other_sources))
     names = source_names([part.source for part in (*parts, *others)])
     found: list[Recording] = []
+    refusals: list[DataRefused] = []
     for part in parts:
-        if is_session(Path(part.source)):  # named as in its plan, after its folder if there are other sources
-            runs = session_runs(Path(part.source), filters)
-            own = names[part.source]
-            found += runs if len(names) == 1 else (replace(r, name=f"{own}/{r.name}") for r in runs)
-        else:
-            try:
-                runs = read_runs(part.source, column_map=columns, filters=filters, system=system)
-            except DataRefused as refused:
-                if words := without_run(Path(part.source)):
-                    raise DataRefused(words) from refused
-                raise
-            kept = part.without(others, part.chosen(runs))
-            found += [named(run, part.source, names[part.source]) for run in kept]
+        try:
+            if is_session(Path(part.source)):  # named as in its plan, after its folder if there are others
+                runs = session_runs(Path(part.source), filters)
+                own = names[part.source]
+                found += runs if len(names) == 1 else (replace(r, name=f"{own}/{r.name}") for r in runs)
+                continue
+            runs = read_runs(part.source, column_map=columns, filters=filters, system=system)
+        except DataRefused as refused:
+            refusals.append(_refusal(part, refused))
+            continue
+        kept = part.without(others, part.chosen(runs))
+        found += [named(run, part.source, names[part.source]) for run in kept]
+    if refusals and not found:
+        raise refusals[0]
     if others and not found:
         raise UsageError(f"every run of {sources[0]} is used elsewhere; leave some to fit")
+    if refusals:
+        found[0] = replace(found[0], notes=(*found[0].notes, *map(left_out_note, refusals)))
     return with_rovers(found)
+
+
+def _refusal(part: TrialSource, refused: DataRefused) -> DataRefused:
+    """The refusal of a source, with the session's reason for a recording without a run."""
+    words = "" if is_session(Path(part.source)) else without_run(Path(part.source))
+    return DataRefused(words) if words else refused
+
+
+def left_out_note(refused: DataRefused) -> Note:
+    """The note on a source that was left out of several, with the reason of its refusal."""
+    return Note("warning", f"left out: {refused}")
 
 
 def with_delta(run: Recording, vehicle: Vehicle, servo: bool = False) -> Recording:

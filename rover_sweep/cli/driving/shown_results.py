@@ -12,7 +12,7 @@ import click
 from rich.console import Console
 
 from rover_sweep.api.diagnose import compared
-from rover_sweep.api.diagnosis_input import Material, diagnosed
+from rover_sweep.api.diagnosis_input import Material, diagnosed, why_not_diagnosed
 from rover_sweep.api.identify import identified as identified_models
 from rover_sweep.api.speed import speed_findings, write_speed_report
 from rover_sweep.cli.views.asking import Interruption, long_work
@@ -86,7 +86,9 @@ def show_identified(
     if not full:
         shown.print("all models, costs and handling: in the report, or here with --full", style="dim")
     shown.print(f"report: {files.page}", soft_wrap=True)
-    if again:
+    if again and (why := why_not_diagnosed(sweeps, checks)):
+        shown.print(f"next: give other runs, as these would be refused: {why}", soft_wrap=True)
+    elif again:
         steps = [f"rover-sweep diagnose {again} --out {out}"]
         steps += [f"rover-sweep gains {out}"] if result.recommended else []
         shown.print(f"next: {'; '.join(steps)}", soft_wrap=True)
