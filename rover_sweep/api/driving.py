@@ -32,8 +32,9 @@ WHEELBASES = 0.02, 20.0  # m
 class DrivingIdentification(DrivingAnswer):
     """The result of `identify_driving`. It prints as a table.
 
-    read: channels that contradict each other, and how files of other systems were read, such as the columns
-    that were found without a map, and whether their steering was measured, or may have been. foreign: whether
+    read: channels that contradict each other, what is damaged or missing, and how files of other systems were
+    read, such as the columns that were found without a map, and whether their steering was measured, or may
+    have been. foreign: whether
     a log is of another system.
     """
 
@@ -100,10 +101,11 @@ def identify_driving(
     found = answer_from(logs, wheelbase, rover)
     foreign = [log for log in logs if _is_foreign(log)]
     decided = [one.text for one in found.driving.contradictions if one.decided]
+    warnings = [n.text for log in logs for n in log.notes if n.level == "warning" or log in foreign]
     notes = [
         *(left_out_note(refusal).text for refusal in refused),
         *decided,
-        *(note.text for log in foreign for note in log.notes),
+        *(words for words in warnings if words not in found.reasons),
     ]
     notes.append(origin_remark({log.name: log.steering[0] for log in foreign if log.steering}))
     return DrivingIdentification(

@@ -11,6 +11,7 @@ import pytest
 from drives import drive, signal
 from recordings import NOMINAL
 
+import rover_sweep as rs
 from rover_sweep.errors import DataRefused
 from rover_sweep.logs.find import find_runs
 from rover_sweep.logs.judgement import refuse_useless
@@ -102,11 +103,11 @@ def test_impossible_samples_are_left_out_and_told(value: float) -> None:
     clean = screened(with_samples(log, "r", 5, value))
     assert clean.signals["r"].x.size == log.signals["r"].x.size - 5
     assert np.max(np.abs(clean.signals["r"].x)) < 1
-    assert (
-        "5 of " in clean.notes[0].text and "samples of r (MADE.rad/s) are impossible" in clean.notes[0].text
-    )
-    with pytest.raises(DataRefused, match="samples of r .* are impossible.*are they in deg/s"):
-        screened(with_samples(log, "r", 200, value))
+    words = "impossible" if np.isfinite(value) else "no finite number"
+    assert f"5 of {log.signals['r'].x.size} samples of r (MADE.rad/s) are {words}" in clean.notes[0].text
+    if np.isfinite(value):  # of a wrong unit are more
+        with pytest.raises(DataRefused, match="samples of r .* are impossible.*are they in deg/s"):
+            screened(with_samples(log, "r", 200, value))
 
 
 def test_an_output_that_is_off_is_no_damage() -> None:
@@ -165,3 +166,67 @@ def test_a_negative_speed_is_a_speed(tmp_path: Path, turns_at: float, speeds: li
     path = tmp_path / "back.csv"
     path.write_text("\n".join(["t,delta,r,speed", *rows]))
     assert [run.mean_speed for run in read_runs(str(path))] == pytest.approx(speeds, abs=0.2)
+
+
+# ---- Damage costs what it damages.
+
+
+def with_block(path: Path, out: Path, block: bytes, at: int) -> Path:
+    data = bytearray(path.read_bytes())
+    data[at : at + len(block)] = block
+    out.write_bytes(data)
+    return out
+
+
+@pytest.mark.parametrize("block", ["zeros", "garbage"])
+def test_a_lost_block_costs_its_own_time(tmp_path: Path, block: str) -> None:
+    """2 % in the middle, as of a card that lost some blocks."""
+    size = ONE.stat().st_size
+    lost = bytes(size // 50) if block == "zeros" else random.Random(1).randbytes(size // 50)
+    path = with_block(ONE, tmp_path / "burnt.BIN", lost, size // 2)
+    (run,), (sound,) = read_runs(str(path)), read_runs(str(ONE))
+    assert run.kind == "sweep"
+    assert run.manoeuvre("r").x.size > 0.95 * sound.manoeuvre("r").x.size
+    (note,) = [n.text for n in run.notes if "damaged bytes" in n.text]
+    (part,) = open_parts(path)
+    ((before, after, count),) = part.losses()
+    assert f"{after - before:.2f} s at {before:.1f} s" in note
+    assert size // 50 - 100 < count < size // 50 + 300
+    gap = np.diff(run["r"].t)
+    k = int(np.argmax(gap))
+    assert gap[k] == pytest.approx(after - before, abs=0.1)
+    assert run["r"].t[k] == pytest.approx(before, abs=0.1)
+
+
+def test_garbage_before_the_first_message_is_skipped(tmp_path: Path) -> None:
+    path = tmp_path / "late.BIN"
+    path.write_bytes(random.Random(2).randbytes(60_000) + ONE.read_bytes())
+    (run,), (sound,) = read_runs(str(path)), read_runs(str(ONE))
+    np.testing.assert_array_equal(run["r"].x, sound["r"].x)
+    assert any(n.text.startswith("60000 damaged bytes") for n in run.notes)
+
+
+def test_a_log_that_is_mostly_lost_is_refused(tmp_path: Path) -> None:
+    size = ONE.stat().st_size
+    path = with_block(ONE, tmp_path / "gone.BIN", bytes(size * 6 // 10), size // 5)
+    with pytest.raises(DataRefused, match="is damaged: .* belong to no message"):
+        read_runs(str(path))
+
+
+@pytest.mark.parametrize("share", [0.01, 0.2])
+def test_missing_numbers_cost_themselves(share: float) -> None:
+    (log,) = read_logs(str(ONE))
+    r = log.signals["r"]
+    missing = np.random.default_rng(1).uniform(size=r.x.size) < share
+    gaps = replace(r, x=np.where(missing, np.nan, r.x))
+    found = screened(replace(log, signals={**log.signals, "r": gaps}))
+    np.testing.assert_array_equal(found.signals["r"].x, r.x[~missing])
+    assert any(f"{missing.sum()} of {r.x.size} samples of r" in n.text for n in found.notes)
+
+
+def test_the_answer_says_what_was_lost(tmp_path: Path) -> None:
+    size = ONE.stat().st_size
+    path = with_block(ONE, tmp_path / "burnt.BIN", bytes(size // 50), size * 2 // 3)
+    found, sound = rs.identify_driving(path), rs.identify_driving(ONE)
+    assert found.level == "good" and any("damaged bytes" in words for words in found.read)
+    assert found.numbers["curvature"].value == pytest.approx(sound.numbers["curvature"].value, rel=0.03)

@@ -27,7 +27,7 @@ def refusal(source: str, **options: object) -> str:
         ("static_v3.1.2.BIN", "the rover never drove (speed up to 0.0"),
         ("moved_by_hand_v2.51.BIN", "the rover never drove (speed up to 0.1"),
         ("still_v4.5.5.tlog", "the rover never drove (speed up to 0.00 m/s)"),
-        ("corrupt_v3.1.2.BIN", "is damaged: 6724 of 266240 bytes"),
+        ("corrupt_v3.1.2.BIN", "is damaged in 64 places among 6845 messages (6724 of 266240 bytes)"),
     ],
 )
 def test_logs_of_hardware_that_did_not_drive(name: str, reason: str) -> None:

@@ -172,12 +172,37 @@ class DataFlash:
             "record again with ArduRover 4.1 or newer"
         )
 
+    def losses(self) -> list[tuple[float, float, int]]:
+        """(last time [s] before, first time after, bytes) of each place that belongs to no message.
+
+        At the begin and the end of the file the one time that is known counts twice; what the end cuts off
+        is no loss.
+        """
+        edges: list[tuple[int, int]] = []
+        end = 0
+        for stretch in self.stretches:
+            starts = stretch.starts(self.lengths)
+            ends = starts + self.lengths[stretch.kinds]
+            before = np.concatenate(([end], ends[:-1]))
+            edges += [(int(before[k]), int(starts[k])) for k in np.flatnonzero(starts > before)]
+            end = int(ends[-1])
+        clock = self._clock()
+        if not edges or not clock:
+            return [(0.0, 0.0, b - a) for a, b in edges]
+        at, t = self.positions(clock), self.seconds(clock)
+        last = t.size - 1
+        places = [(np.searchsorted(at, a), np.searchsorted(at, b), b - a) for a, b in edges]
+        return [(float(t[max(j - 1, 0)]), float(t[min(k, last)]), size) for j, k, size in places]
+
+    def _clock(self) -> str:
+        """The most frequent message with a time, "" without one."""
+        stamped = [n for n, layout in self.formats.items() if layout.stamp is not None and self.count(n)]
+        return max(stamped, key=self.count, default="")
+
     def _seconds_before(self, name: str) -> Array:
         """Times (n,) [s] from the most frequent message with a time."""
-        stamped = [n for n, layout in self.formats.items() if layout.stamp is not None and self.count(n)]
-        if not stamped:
+        if not (clock := self._clock()):
             return np.zeros(self.count(name))
-        clock = max(stamped, key=self.count)
         k = np.searchsorted(self.positions(clock), self.positions(name), "right") - 1
         return self.seconds(clock)[np.clip(k, 0, None)]
 

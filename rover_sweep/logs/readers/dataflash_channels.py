@@ -39,9 +39,10 @@ from rover_sweep.logs.readers.vehicle_clock import applet_output, applet_rows, m
 
 Rows = NDArray[np.void]
 
-DAMAGE_LIMIT = 0.01  # share of lost bytes; above it the log has gaps everywhere
-# Breaks per message; above it the numbers are unreliable. Messages have no checksum, and a flipped bit is a
-# break only in 3 of about 45 bytes, so 15 times as many messages have a wrong number.
+DAMAGE_LIMIT = 0.5  # share of lost bytes; above it the log is more hole than drive
+# Breaks per message; above it the numbers are unreliable: messages have no checksum, and a flipped bit is a
+# break only in 3 of about 45 bytes, so 15 times as many messages have a wrong number. A block of a card that
+# was lost is one break.
 BREAK_LIMIT = 1e-3
 RAW_POST_FILTER, RAW_PRE_AND_POST = 1 << 2, 1 << 3  # bits of INS_RAW_LOG_OPT
 
@@ -126,13 +127,13 @@ def refuse_damage(path: Path, parts: tuple[DataFlash, ...]) -> None:
     if lost > DAMAGE_LIMIT * size:
         raise DataRefused(
             f"{path.name} is damaged: {lost} of {size} bytes "
-            f"({100 * lost / size:.1f} %) belong to no message; copy it from the vehicle again"
+            f"({100 * lost / size:.0f} %) belong to no message; copy it from the vehicle again"
         )
     breaks, count = sum(part.breaks for part in parts), sum(part.message_count for part in parts)
     if breaks > 1 + BREAK_LIMIT * count:
         raise DataRefused(
-            f"{path.name} is damaged in {breaks} places among {count} messages, so numbers in other "
-            "messages are also wrong; copy it from the vehicle again"
+            f"{path.name} is damaged in {breaks} places among {count} messages ({lost} of {size} bytes), so "
+            "numbers in other messages are also wrong; copy it from the vehicle again"
         )
 
 
@@ -143,7 +144,7 @@ def _holds_messages(flash: DataFlash) -> bool:
 def _reading_notes(log: str, flash: DataFlash) -> Iterator[Note]:
     lost = flash.bad_bytes - flash.tail_bytes
     if lost:
-        yield Note("warning", f"{lost} damaged bytes in the log were skipped")
+        yield Note("warning", _loss_words(flash, lost))
     if flash.tail_bytes:
         yield Note("info", f"The log ends in the middle of a message ({flash.tail_bytes} bytes left over)")
     if flash.has("DSF", "Dp") and (dropped := int(np.ptp(flash.rows("DSF", "Dp")["Dp"]))):
@@ -157,6 +158,19 @@ def _reading_notes(log: str, flash: DataFlash) -> Iterator[Note]:
     stamps = {n: _stamps(flash, n, _first_instance(flash, n, labels[n])) for n in names}
     refuse_disorder(log, stamps)
     yield from clock_notes(stamps)
+
+
+PLACES = 3  # that are listed, the longest
+
+
+def _loss_words(flash: DataFlash, lost: int) -> str:
+    """How many bytes were skipped, and where."""
+    places = flash.losses()
+    longest = sorted(sorted(places, key=lambda place: place[0] - place[1])[:PLACES])
+    shown = ", ".join(f"{after - before:.2f} s at {before:.1f} s" for before, after, _ in longest)
+    more = f" and {len(places) - PLACES} more" if len(places) > PLACES else ""
+    share = f"{100 * lost / flash.data.size:.1g} %"
+    return f"{lost} damaged bytes ({share}) were skipped, which lost {shown}{more}; the rest is used"
 
 
 def _first_instance(flash: DataFlash, name: str, instance: str, *columns: str, number: int = 0) -> Rows:

@@ -34,6 +34,7 @@ OTHER_UNIT = {
     **dict.fromkeys(("delta", "phi"), "deg"),
 }  # in which these channels are often written
 IMPOSSIBLE_LIMIT = 0.01  # share of a channel's samples; above it the others are unreliable too
+MISSING_LIMIT = 0.5  # share that is not finite, and so was not written at all; the others are as good as ever
 FEWEST = 20  # samples of a channel in a run
 
 
@@ -42,7 +43,7 @@ def screened(log: Log, widest: float = POSSIBLE["delta"][1]) -> Log:
 
     widest: possible steering angle to either side, rad.
     Channels and steering outputs without samples are removed. DataRefused when more than 1 % of the samples
-    of a channel are impossible.
+    of a channel are impossible, or half of them are not finite.
     """
     notes: list[Note] = []
     limits = {**POSSIBLE, "delta": (-widest, widest)}
@@ -62,7 +63,11 @@ def _possible(
 ) -> Signal:
     low, high = limits
     off = (signal.x == 0) & (channel in OUTPUTS)
-    wrong: NDArray[np.bool_] = ~off & ~(np.isfinite(signal.x) & (signal.x >= low) & (signal.x <= high))
+    finite = np.isfinite(signal.x)
+    if not finite.all():
+        notes.append(_missing(log, channel, signal, finite))
+        signal, off = replace(signal, t=signal.t[finite], x=signal.x[finite]), off[finite]
+    wrong: NDArray[np.bool_] = ~off & ~((signal.x >= low) & (signal.x <= high))
     count = int(wrong.sum())
     if count == 0 and not off.any():
         return signal
@@ -77,6 +82,15 @@ def _possible(
         notes.append(Note("warning", f"{finding}; they were left out"))
     keep = ~(wrong | off)
     return replace(signal, t=signal.t[keep], x=signal.x[keep])
+
+
+def _missing(log: Log, channel: str, signal: Signal, finite: NDArray[np.bool_]) -> Note:
+    """A note on samples that are not finite, with their place; DataRefused for too many."""
+    count, at = int((~finite).sum()), signal.t[~finite]
+    words = f"{count} of {finite.size} samples of {channel} ({signal.source}) are no finite number"
+    if count > 1 + MISSING_LIMIT * finite.size:
+        raise DataRefused(f"{log.name}: {words}; the file is damaged: copy the log again")
+    return Note("warning", f"{words}, from {at[0]:.1f} to {at[-1]:.1f} s; they were left out")
 
 
 def _other_unit(channel: str, signal: Signal) -> str:
