@@ -177,10 +177,16 @@ class MavlinkLogs:
                 return len(missing) < before
 
 
+HOW_TO_DISARM = (
+    "Disarm it with the transmitter, or with `rover-sweep preflight --connect URL --fix armed`; after a run "
+    "that was cut short, `rover-sweep resume` disarms it and goes on"
+)
+
+
 def refuse_download_if_armed(link: Link) -> None:
     """LinkError on an armed rover: ArduPilot then sends no logs."""
     if link.armed:
-        raise LinkError("logs cannot be downloaded while the rover is armed; disarm first")
+        raise LinkError(f"logs cannot be downloaded while the rover is armed. {HOW_TO_DISARM}")
 
 
 def _spans(offsets: set[int]) -> list[tuple[int, int]]:

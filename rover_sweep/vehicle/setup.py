@@ -31,7 +31,7 @@ from rover_sweep.vehicle.link.link import Link, Refused, crc32, remote_crc32
 from rover_sweep.vehicle.link.mavlink import ftp_get, ftp_put
 from rover_sweep.vehicle.link.recorded_transport import writing
 from rover_sweep.vehicle.link.streams import fastest_interval_ms, grants
-from rover_sweep.vehicle.logs import ParameterSource
+from rover_sweep.vehicle.logs import HOW_TO_DISARM, ParameterSource
 from rover_sweep.vehicle.parameters import ParameterKept, read_present, write_parameter
 
 # Copies the Lua applet to the vehicle by MAVLink FTP and starts it.
@@ -196,9 +196,7 @@ def refuse_armed(link: Link) -> None:
     """LinkError on an armed rover, before anything is set."""
     if link.armed:
         raise LinkError(
-            "the rover is armed, and this program does not set up or reboot an armed rover. Disarm it "
-            "with the transmitter, or with `rover-sweep preflight --connect URL --fix armed`; after a run "
-            "that was cut short, `rover-sweep resume` disarms it and goes on"
+            f"the rover is armed, and this program does not set up or reboot an armed rover. {HOW_TO_DISARM}"
         )
 
 
