@@ -1,4 +1,4 @@
-"""An effect added to a model: its linear prediction (a score test), and its fit with the base's Jacobian."""
+"""An effect added to a model: its linear prediction (a score test), and the sizes from which it matters."""
 
 from __future__ import annotations
 
@@ -26,7 +26,6 @@ INSTANTS = 7  # at which a change of ground is tried in each run
 PER_PARAMETER = (
     6.0 * COARSE
 )  # gain that one more parameter of a form must bring: twice -ln of its Occam factor
-ASTRAY = 0.5  # share of the predicted gain below which a fit is repeated from nearer
 NO_GAIN = 2.0  # predicted gain below which an effect explains nothing
 
 
@@ -151,30 +150,23 @@ class Screened:
 
 def screen(problem: Problem, base: Fitted, space: Tangent, model: Model, effect: Effect) -> Screened | None:
     """The linear prediction of an effect: its best form, in the run that shows it best; None: no gain."""
+    found = screened_forms(problem, base, space, model, effect)
+    return max(found, key=lambda x: x.predicted - PER_PARAMETER * len(x.start), default=None)
+
+
+def screened_forms(
+    problem: Problem, base: Fitted, space: Tangent, model: Model, effect: Effect
+) -> list[Screened]:
+    """The linear predictions of all forms of an effect that promise a gain; of an event, in each run."""
     if effect.id in DEGREES_OF_FREEDOM:
-        return Screened(effect.id, model.with_effect(effect.id), np.inf, {})
+        return [Screened(effect.id, model.with_effect(effect.id), np.inf, {})]
     extended = [
         (law, model.with_effect(law.name, run.name if law.in_one_run else "", run.order))
         for law in model.laws(effect.id)
         for run in (problem.runs if law.in_one_run else problem.runs[:1])
     ]
     found = [(m, linear_prediction(problem, base, space, m, law)) for law, m in extended]
-    screened = [Screened(effect.id, m, *one) for m, one in found if one is not None]
-    return max(screened, key=lambda x: x.predicted - PER_PARAMETER * len(x.start), default=None)
-
-
-def fit_from(problem: Problem, base: Fitted, one: Screened) -> Fitted:
-    """The model with the effect, fitted from its linear prediction, or from nearer if that fails."""
-
-    known = None if one.effect in DEGREES_OF_FREEDOM else base
-    found = fit(problem, one.model, {**base.x, **one.start}, known=known)
-    if known is not None and base.cost - found.cost < ASTRAY * one.predicted:
-        nearer = {
-            k: v if k.endswith(".t") else 0.7 * base.x.get(k, 0.0) + 0.3 * v for k, v in one.start.items()
-        }
-        again = fit(problem, one.model, {**base.x, **nearer}, known=known)
-        found = again if again.cost < found.cost else found
-    return found
+    return [Screened(effect.id, m, *one) for m, one in found if one is not None]
 
 
 # Normal tolerances of a rover: the material size of an effect, and nominal numbers at their ends.
@@ -298,4 +290,4 @@ def _freed(problem: Problem, fitted: Fitted, c: Coordinate) -> Fitted:
     low = c.low if c.low == 0.0 else c.start - 5.0 * (c.start - c.low)
     wide = replace(c, low=low, high=c.start + 5.0 * (c.high - c.start), prior=None)
     free = tuple(wide if one.name == c.name else one for one in fitted.free)
-    return fit(problem, fitted.model, fitted.x, free, known=fitted)
+    return fit(problem, fitted.model, fitted.x, free, known=fitted, roughly=True)

@@ -14,14 +14,7 @@ from rover_sweep.diagnosis.posterior.infer import Inference
 from rover_sweep.diagnosis.posterior.model_fit import ModelFit, RunTransfers, transfers
 from rover_sweep.diagnosis.posterior.unnamed import UnnamedFamily, families
 from rover_sweep.diagnosis.posterior.weights import POWER
-from rover_sweep.diagnosis.problem.least_squares import (
-    COARSE,
-    WEAK,
-    Fitted,
-    fit,
-    prior_information,
-    sensitivities,
-)
+from rover_sweep.diagnosis.problem.least_squares import COARSE, WEAK, Fitted, fit, prior_information
 from rover_sweep.diagnosis.problem.residuals import Problem
 from rover_sweep.diagnosis.residual_maps import SIGMAS
 from rover_sweep.diagnosis.result import LawCurve, LawHeldOut, Unknown
@@ -167,7 +160,7 @@ def find_laws(
     held_out: {run: its problem}. known: the families of that residual, if already computed.
     """
     metric, plain = last.problem, last.problem.plain
-    base = sensitivities(plain, last.closest)
+    base = last.closest
     variance = COARSE * last.fitted.overdispersion
     every = known or families(metric, last.fitted)
     fitted, found = base, list[FoundLaw]()
@@ -183,6 +176,7 @@ def find_laws(
             every = [f for f in families(metric, left) if f.law.kind not in {one.law.kind for one in found}]
     if not found:
         return None
+    fitted = fit(plain, fitted.model, fitted.x, fitted.free, known=fitted)
     return FoundLaws(tuple(found), fitted, tuple(_judged(n, p, base, fitted) for n, p in held_out.items()))
 
 
@@ -202,8 +196,8 @@ def _with(
         rows = problem.residual(model, x)
         if rows @ rows < base.cost:
             break
-    found = fit(problem, model, x, (*base.free, *free), steps=5, known=base, tolerance=5e-4 * base.cost)
-    return FoundLaw(best.law, (), base.cost - found.cost, name, root), sensitivities(problem, found)
+    found = fit(problem, model, x, (*base.free, *free), known=base, roughly=True)
+    return FoundLaw(best.law, (), base.cost - found.cost, name, root), found
 
 
 def _places(every: Sequence[UnnamedFamily], variance: float, best: UnnamedFamily) -> tuple[str, ...]:
@@ -230,7 +224,8 @@ def drawn_laws(found: FoundLaws, one: FoundLaw, number: int, seed: int) -> list[
     covariance = np.linalg.inv(normal + np.diag(prior_information(fitted.free, absent=WEAK)))
     own = [k for k, c in enumerate(fitted.free) if c.name.startswith(f"{one.name}.")]
     random = np.random.default_rng(seed)
-    moves = random.multivariate_normal(np.zeros(len(own)), covariance[np.ix_(own, own)], number, method="svd")
+    root = np.linalg.cholesky(covariance[np.ix_(own, own)])
+    moves = random.standard_normal((number, len(own))) @ root.T
     names, scales = [fitted.free[k].name for k in own], [fitted.free[k].scale for k in own]
     at = [fitted.x[n] for n in names]
     return [one.at(dict(zip(names, at + scales * move, strict=True))) for move in moves]

@@ -58,12 +58,16 @@ class Told:
 
 @dataclass(frozen=True)
 class Case:
-    """A set: three sweeps with their vehicle, and a held-out run. folder: of its files, "" if drawn."""
+    """A set: sweeps with their vehicle, and a held-out run. folder: of its files, "" if drawn.
+
+    only: the effects that are tried, () for all.
+    """
 
     name: str
     runs: Runs
     held_out: tuple[Recording, ...]
     folder: str = ""
+    only: tuple[str, ...] = ()
 
 
 def told(case: Case, parameters: Mapping[str, float] | None = None) -> Told:
@@ -79,7 +83,7 @@ def told(case: Case, parameters: Mapping[str, float] | None = None) -> Told:
     infer.explore = watched
     try:
         assert case.runs.vehicle is not None
-        settings = DiagnosisSettings(parameters=parameters or {})
+        settings = DiagnosisSettings(with_effects=case.only, parameters=parameters or {})
         started = time.monotonic()
         answer = diagnosed(material(case.runs, case.held_out), case.runs.vehicle, settings)
     finally:

@@ -15,7 +15,7 @@ from scipy.signal import firwin
 from rover_sweep.data.recording import Array
 from rover_sweep.diagnosis.posterior.model_fit import ModelFit, added_rows, tapered_spectrum, transfers
 from rover_sweep.diagnosis.posterior.unnamed import groups, unit_spectra
-from rover_sweep.diagnosis.problem.least_squares import fit, sensitivities
+from rover_sweep.diagnosis.problem.least_squares import fit
 from rover_sweep.diagnosis.problem.residuals import problem
 from rover_sweep.diagnosis.result import Unknown
 from rover_sweep.diagnosis.simulation.experiment import RATE, Experiment
@@ -42,7 +42,7 @@ def with_law(*laws: TableLaw) -> tuple[list[Experiment], list[dict[str, Array]]]
 
 def last_of(runs: list[Experiment], noise: list[dict[str, Array]]) -> ModelFit:
     used = problem(runs, noise)
-    base = sensitivities(used, fit(used, MODEL, X, steps=4))
+    base = fit(used, MODEL, X)
     return ModelFit(used, base, base, {})
 
 

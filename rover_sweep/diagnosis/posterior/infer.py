@@ -24,7 +24,7 @@ from rover_sweep.diagnosis.posterior.weights import (
     evidence_of,
     posterior,
 )
-from rover_sweep.diagnosis.problem.least_squares import COARSE, Fitted, cost_of, fit, sensitivities
+from rover_sweep.diagnosis.problem.least_squares import COARSE, Fitted, cost_of, fit
 from rover_sweep.diagnosis.problem.residuals import Problem, never, with_floor
 from rover_sweep.diagnosis.result import Baseline
 from rover_sweep.diagnosis.simulation.candidates import Model, has_roll, possible
@@ -130,19 +130,25 @@ def explore(
     searched = replace(none.problem, stop=options.stop)
     tried: dict[frozenset[str], tuple[UnnamedFamily, ...]] = {}
 
-    def nearer(one: Fitted) -> tuple[Problem, Fitted]:
-        there = replace(in_metric_of(none.problem.plain, one), stop=options.stop)
-        return there, sensitivities(there, fit(there, model, none.fitted.x))
+    def nearer(one: Fitted) -> tuple[Problem, Fitted, Fitted]:
+        plain, closest = fit_with_floor(runs, one.model, one.x)
+        there = replace(in_metric_of(plain, closest), stop=options.stop)
+        near = fit(there, one.model, closest.x)
+        return there, fit(there, model, near.x), near
 
     def unnamed(problem: Problem, first: Fitted) -> float:
         variance = COARSE * first.overdispersion
         tried[first.effects] = _families(problem, first, variance)
         return ELSE + POWER * tried[first.effects][0].evidence(variance)
 
-    problem, made_at, every = explored(searched, none.fitted, effects, nearer, unnamed, options.progress)
-    pool = tuple(e for e in every if e.own)
+    problem, made_at, every = explored(
+        searched, none.fitted, none.closest, effects, nearer, unnamed, options.progress
+    )
+    pool = tuple(every)
     without_effects = next(e for e in pool if not e.effects)
-    none = replace(none, problem=replace(problem, stop=never), fitted=without_effects)
+    moved = problem.floor is not none.problem.floor
+    closest = fit(problem.plain, model, none.closest.x) if moved and not options.stop() else none.closest
+    none = replace(none, problem=replace(problem, stop=never), closest=closest, fitted=without_effects)
     alone = {next(iter(e.effects)): none.fitted.cost - e.cost for e in every if len(e.effects) == 1}
     options.progress("weighing the explanations", 0.85)
     judged = tuple(_held_out(run, none, made_at) for run in held)
@@ -313,7 +319,7 @@ def without_refuted(found: Inference, held: Sequence[Experiment]) -> Judged:
         rest, now = rests[worst], found.none
         if rest.model.effects:
             metric = last.problem
-            now = now.with_explanation(sensitivities(metric, fit(metric, rest.model, rest.x)))
+            now = now.with_explanation(fit(metric, rest.model, rest.x))
         found = replace(
             found,
             last=now,

@@ -27,7 +27,6 @@ from rover_sweep.diagnosis.problem.least_squares import (
     Signature,
     columns,
     fit,
-    sensitivities,
     signatures,
     speed_drift,
 )
@@ -277,7 +276,9 @@ def model_fit(
     plain, closest = fit_with_floor(runs, model, start)
     metric = in_metric_of(plain, closest)
     known = replace(closest, jacobian=metric.of(closest.jacobian))
-    fitted = sensitivities(metric, fit(metric, model, closest.x, known=known))
+    fitted = fit(metric, model, closest.x, known=known, roughly=True)
+    if not fitted.far_off:  # else it is only where a search begins
+        fitted = fit(metric, model, fitted.x, known=fitted)
     return ModelFit(metric, closest, fitted, possible(model, runs, only, without)[1])
 
 
@@ -304,11 +305,10 @@ def fit_with_floor(
     start: {coordinate: value}. near: start is an earlier fit, so one pass is enough.
     """
     x = {**model.start, **start}
-    for _ in range(1 if near else 2):
-        found = with_floor_of(runs, model, x)
-        fitted = fit(found, model, x)
-        x = dict(fitted.x)
-    return found, fitted
+    if not near:
+        x = dict(fit(with_floor_of(runs, model, x), model, x, roughly=True).x)
+    found = with_floor_of(runs, model, x)
+    return found, fit(found, model, x)
 
 
 def with_floor_of(runs: Sequence[Experiment], model: Model, x: Mapping[str, float]) -> Problem:

@@ -24,7 +24,7 @@ from rover_sweep.data.recording import Array, Recording
 from rover_sweep.data.results import Quantity
 from rover_sweep.diagnosis.effects import Effect
 from rover_sweep.diagnosis.posterior.model_fit import ModelFit, model_fit
-from rover_sweep.diagnosis.problem.least_squares import COARSE, Fitted, fit, prior_information, sensitivities
+from rover_sweep.diagnosis.problem.least_squares import COARSE, Fitted, fit, prior_information
 from rover_sweep.diagnosis.problem.noise_floor import has_floor
 from rover_sweep.diagnosis.problem.residuals import Problem
 from rover_sweep.diagnosis.result import Baseline
@@ -55,17 +55,16 @@ def draw_coordinates(last: ModelFit, seed: int) -> list[dict[str, float]]:
 def between_bounds(covariance: Array, low: Array, high: Array, seed: int) -> Array:
     """`DRAWS` changes (n, k) from a Gaussian about 0 between bounds (k,), which include 0.
 
-    Gibbs sampling along the axes of the covariance, since the bound of a coordinate also limits those
-    correlated with it, and along each coordinate, since a corner of the bounds may block all other
-    directions.
+    Gibbs sampling along the columns of the covariance's triangular root, since the bound of a coordinate also
+    limits those correlated with it, and along each coordinate, since a corner of the bounds may block all
+    other directions. Unlike the covariance's axes, these columns have no sign of their own.
     """
-    values, axes = np.linalg.eigh(covariance)
-    values = np.maximum(values, 1e-12)
-    precision = axes / values @ axes.T
+    root = np.linalg.cholesky(covariance + 1e-12 * np.eye(low.size))
+    precision = np.linalg.inv(root.T) @ np.linalg.inv(root)
     random = np.random.default_rng(seed)
     at = np.zeros((DRAWS, low.size))
     for _ in range(SWEEPS):
-        for way in (*axes.T, *np.eye(low.size)):
+        for way in (*root.T, *np.eye(low.size)):
             known = way @ precision @ way
             mean, spread = -(at @ (precision @ way)) / known, 1.0 / np.sqrt(known)
             moves = np.abs(way) > 1e-9
@@ -224,7 +223,7 @@ def _with_free_axles(last: ModelFit) -> ModelFit:
     if free == last.fitted.free:
         return last
     fitted = fit(last.problem, last.fitted.model, last.fitted.x, free)
-    return replace(last, fitted=sensitivities(last.problem, fitted))
+    return replace(last, fitted=fitted)
 
 
 def _numbers(x: Mapping[str, float], rover: Geometry) -> dict[str, float]:

@@ -1,4 +1,4 @@
-"""Damped least squares of a model with bounds and priors.
+"""Least squares of a model with bounds and priors, to a stationary point.
 
 The problem: minimise over the free coordinates x, low <= x <= high,
 
@@ -9,26 +9,25 @@ to the power 1/t (Miller and Dunson 2019, J. Am. Stat. Assoc. 114); a prior is n
 twice a negative log of a probability.
 
 y: whitened measured rows, f(x): the model's rows. With r = y - f(x), the scaled step h_k = dx_k/scale_k, the
-Jacobian J (size, k) of f by x/scale, and W = t diag((scale/prior)^2), the linearised cost is minimal where
+Jacobian J (size, k) of f by x/scale, and W = t diag((scale/prior)^2), the drop of the cost by a step is about
 
-    (N + damping diag(N)) h = J^T r + W (start - x)/scale,   N = J^T J + W
+    2 h^T (J^T r + W (start - x)/scale) - h^T (J^T J + W + S) h
 
-This is the step of Gauss-Newton for damping -> 0 and a short step of steepest descent (in coordinates scaled
-by diag(N)) for a large damping (Marquardt 1963; Nocedal and Wright 2006, section 10.3). A step that lowers
-the cost is taken and the damping divided by 10, else the damping is multiplied by 10.
+S is the curvature of the rows times the residual, which counts where a model is far off; it is learnt from
+the Jacobians that a fit computes (Dennis, Gay and Welsch 1981). Each step has the largest drop of all steps
+within the bounds, found exactly (Stark and Parker 1995), with damping diag(J^T J + W) added where a step did
+not bring what was expected (Marquardt 1963). After each step the Jacobian takes in how the rows changed
+(Broyden 1965). Where it predicts badly, or nothing more, it is computed again, near the end by differences to
+both sides. A fit is finished when a Jacobian computed at x expects a drop below `FINISHED` of a row's
+variance, a hundredth of a standard deviation. So its result does not depend on the way there.
 
-Bounds: where the step leaves them, the coordinate that leaves farthest is fixed at its bound and the others
-are solved again, until all are inside. This is an active set method (Nocedal and Wright 2006, section 16.5)
-without multipliers: all coordinates are free again at the beginning of the next step.
+The derivatives are those of steadied runs, whose speed has no error (`Experiment.steadied`), at the residual
+of the runs as they are. The runs are steadied again with each Jacobian.
 
-The derivatives are those of steadied runs, whose speed has no error (`Experiment.steadied`).
-
-`known` keeps Jacobian columns of an earlier fit (a chord method, Kelley 1995, chapter 5): the limit is then
-no exact minimum, so the gain is a lower bound until the fit goes on with a fresh Jacobian.
-
+Broyden 1965: A class of methods for solving nonlinear simultaneous equations, Math. Comp. 19.
+Dennis, Gay and Welsch 1981: An adaptive nonlinear least-squares algorithm, ACM TOMS 7(3).
 Marquardt 1963: An algorithm for least-squares estimation of nonlinear parameters, J. SIAM 11(2).
-Nocedal and Wright 2006: Numerical Optimization, 2nd edition, Springer.
-Kelley 1995: Iterative Methods for Linear and Nonlinear Equations, SIAM.
+Stark and Parker 1995: Bounded-variable least-squares, Computational Statistics 10 (scipy's `lsq_linear`).
 """
 
 from __future__ import annotations
@@ -38,6 +37,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import solve_triangular
+from scipy.optimize import lsq_linear
 
 from rover_sweep.data.recording import Array
 from rover_sweep.diagnosis.effects import Effect, EffectParameter
@@ -49,7 +50,13 @@ from rover_sweep.spectra.side_by_side import side_by_side
 
 COARSE = 6.0
 """Rows that count as one; with `posterior.weights` it has the best mean log score on drawn rovers."""
+FAR_OFF = 1.5  # mean square of a row from which a fit is far off
 WEAK = 1e-9  # information on a coordinate without a prior, so that a singular problem can be inverted
+FINISHED, ROUGH = 1e-4, 1.0  # drop of the cost over a row's variance below which a fit is finished
+TRUSTED = 0.25  # share of the expected drop from which a Jacobian serves for one more step
+LEAST_DAMPING = 1e-3
+FIRST_DAMPING = 0.1  # of a look
+MOST, LOOK = 100, 6  # most steps of a fit, and of a look at where a start leads
 AT_BOUND = 1e-6  # of a coordinate's scale: nearer to a bound, it is at the bound
 
 
@@ -59,14 +66,14 @@ class Fitted(FittedModel):
 
     free: the k fitted coordinates. cost: sum of squares of rows and priors. rows (size,): whitened residual,
     measured minus model. jacobian (size, k): derivatives of the model's rows by the coordinates over their
-    scales. own: jacobian computed at or near x, not kept.
+    scales, at x. finished: x is a stationary point.
     """
 
     free: tuple[Coordinate, ...]
     cost: float
     rows: Array
     jacobian: Array
-    own: bool = False
+    finished: bool = False
 
     @property
     def effects(self) -> frozenset[str]:
@@ -90,56 +97,141 @@ class Fitted(FittedModel):
         """Mean square of the residual rows, at least 1 (1 is the noise)."""
         return max(1.0, self.data_cost / self.rows.size)
 
+    @property
+    def far_off(self) -> bool:
+        """True if its residual is no noise."""
+        return self.overdispersion >= FAR_OFF
+
 
 def fit(
     problem: Problem,
     model: Model,
     start: Mapping[str, float],
     free: Sequence[Coordinate] | None = None,
-    steps: int = 12,
     known: Fitted | None = None,
-    tolerance: float = 1e-3,
+    roughly: bool = False,
 ) -> Fitted:
     """Least squares over the free coordinates from `start` {coordinate: value}; None: those of the model.
 
-    steps: maximum number. known: a fit nearby. Its Jacobian is used for the coordinates that both have, so
-    that only new ones cost simulations; `refit_candidates` goes on with a fresh one. tolerance: drop of the
-    cost that ends the fit.
+    known: a fit nearby, whose derivatives the first steps take for the coordinates that both have. roughly:
+    finished at `ROUGH`.
     """
     free = model.free if free is None else tuple(free)
     x = {**start, **{c.name: float(np.clip(start.get(c.name, c.start), c.low, c.high)) for c in free}}
-    given, problem = problem, problem.steadied(model, x)
+    least = ROUGH if roughly else FINISHED
+    here = _derived(problem, model, free, x, known)
+    last, bend = here if known is None else None, np.zeros((len(free), len(free)))
+    fresh, both_sides, damping = known is None, roughly, 0.0
+    for _ in range(MOST):
+        trial, expected = _step(free, here, damping, bend)
+        nothing_left = expected < least * here.variance
+        if fresh and nothing_left and both_sides:
+            break
+        if not nothing_left:
+            there = here.moved(model, free, trial)
+            as_expected = here.cost - there.cost > TRUSTED * expected
+            if there.cost < here.cost:
+                here = there
+            elif fresh:
+                damping = max(10.0 * damping, LEAST_DAMPING)
+                continue
+            if as_expected:
+                fresh, damping = False, damping / 10.0 if damping > LEAST_DAMPING else 0.0
+                continue
+        both_sides = roughly or expected < ROUGH * here.variance
+        here, fresh = _derived(problem, model, free, here.x, None, both_sides and not roughly), True
+        bend = _bent(bend, free, last, here) if last else bend
+        last = here
+    rows = here.rows if fresh else problem.residual(model, here.x)
+    cost = float(rows @ rows + _prior_cost(free, here.x))
+    return Fitted(model, here.x, free, cost, rows, here.jacobian, fresh and not roughly)
+
+
+def first_steps(problem: Problem, model: Model, start: Mapping[str, float], known: Fitted) -> Fitted:
+    """Where a start leads: some steps of a fit with derivatives from nearby, which are not computed again."""
+    free = model.free
+    x = {**start, **{c.name: float(np.clip(start.get(c.name, c.start), c.low, c.high)) for c in free}}
     rows = problem.residual(model, x)
-    cost = rows @ rows + _prior_cost(free, x)
-    damping = 1e-3
-    jacobian = np.empty((problem.size, 0))
-    for _ in range(steps):
-        jacobian = _jacobian(problem, model, free, x, rows, known)
-        improved = False
-        for _ in range(5):
-            trial = _step(free, x, jacobian, rows, damping)
-            trial_rows = problem.residual(model, trial)
-            trial_cost = trial_rows @ trial_rows + _prior_cost(free, trial)
-            if trial_cost < cost:
-                improved = True
-                break
-            damping *= 10.0
-        if not improved:
-            break
-        gain = cost - trial_cost
-        x, rows, cost = trial, trial_rows, trial_cost
-        damping = max(damping / 10.0, 1e-7)
-        if gain < tolerance + 1e-5 * cost:
-            break
-    rows = given.residual(model, x)
-    return Fitted(model, x, free, float(rows @ rows + _prior_cost(free, x)), rows, jacobian)
+    jacobian = _jacobian(problem, model, free, x, rows, known, False)
+    here = _Point(problem, x, rows, float(rows @ rows + _prior_cost(free, x)), jacobian)
+    damping, bend = 0.0, np.zeros((len(free), len(free)))
+    for _ in range(LOOK):
+        there = here.moved(model, free, _step(free, here, damping, bend)[0])
+        damping = damping / 10.0 if there.cost < here.cost else max(10.0 * damping, FIRST_DAMPING)
+        here = there if there.cost < here.cost else here
+    return Fitted(model, here.x, free, here.cost, here.rows, here.jacobian)
 
 
 def sensitivities(problem: Problem, fitted: Fitted) -> Fitted:
     """The fit with a Jacobian computed at its own coordinates."""
-    steadied = problem.steadied(fitted.model, fitted.x)
-    fresh = _jacobian(steadied, fitted.model, fitted.free, fitted.x, fitted.rows, None)
-    return replace(fitted, jacobian=fresh, own=True)
+    return replace(fitted, jacobian=_derived(problem, fitted.model, fitted.free, fitted.x, None).jacobian)
+
+
+@dataclass(frozen=True, eq=False)
+class _Point:
+    """A place x of a fit. steady: the problem of steadied runs. rows (size,), jacobian (size, k): there."""
+
+    steady: Problem
+    x: Mapping[str, float]
+    rows: Array
+    cost: float
+    jacobian: Array
+
+    @property
+    def variance(self) -> float:
+        """Mean square of a row, at least 1."""
+        return max(1.0, self.cost / self.rows.size)
+
+    def moved(self, model: Model, free: Sequence[Coordinate], x: Mapping[str, float]) -> _Point:
+        """The place x, with the nearest Jacobian that agrees with how the rows changed (Broyden 1965).
+
+        Near: the squares of its change, each column in units of its own length.
+        """
+        rows = self.steady.residual(model, x)
+        step = _steps(free, self.x, x)
+        weighted = step * np.einsum("ij,ij->j", self.jacobian, self.jacobian)
+        missing = self.rows - rows - self.jacobian @ step
+        jacobian = self.jacobian + np.outer(missing, weighted / max(step @ weighted, 1e-300))
+        cost = float(rows @ rows + _prior_cost(free, x))
+        return replace(self, x=x, rows=rows, cost=cost, jacobian=jacobian)
+
+
+def _derived(
+    problem: Problem,
+    model: Model,
+    free: Sequence[Coordinate],
+    x: Mapping[str, float],
+    known: Fitted | None,
+    both_sides: bool = False,
+) -> _Point:
+    """The place x with its Jacobian; known: with these derivatives from nearby."""
+    rows, steady = problem.residual(model, x), problem.steadied(model, x)
+    jacobian = _jacobian(steady, model, free, x, rows, known, both_sides)
+    return _Point(steady, x, rows, float(rows @ rows + _prior_cost(free, x)), jacobian)
+
+
+def _steps(free: Sequence[Coordinate], begin: Mapping[str, float], end: Mapping[str, float]) -> Array:
+    """The way (k,) from one place to another, over the coordinates' scales."""
+    return np.array([(end[c.name] - begin[c.name]) / c.scale for c in free])
+
+
+def _bent(bend: Array, free: Sequence[Coordinate], before: _Point, now: _Point) -> Array:
+    """The curvature (k, k), -sum of r_i f_i'', after a step, from the Jacobians at both of its ends.
+
+    The nearest symmetric one that agrees with how J^T r changed by J, after it was made no larger along the
+    step than that (Dennis, Gay and Welsch 1981).
+    """
+    step = _steps(free, before.x, now.x)
+    seen = (before.jacobian - now.jacobian).T @ now.rows
+    slope = before.jacobian.T @ before.rows - now.jacobian.T @ now.rows + prior_information(free) * step
+    along = float(slope @ step)
+    if along <= 0.0:
+        return bend
+    old = float(step @ bend @ step)
+    bend = bend * min(1.0, abs(float(seen @ step) / old)) if old else bend
+    missing = seen - bend @ step
+    both = np.outer(missing, slope) / along
+    return np.asarray(bend + both + both.T - float(missing @ step) * np.outer(slope, slope) / along**2)
 
 
 def _jacobian(
@@ -149,20 +241,22 @@ def _jacobian(
     x: Mapping[str, float],
     rows: Array,
     known: Fitted | None,
+    both_sides: bool,
 ) -> Array:
-    kept = {c.name: known.jacobian[:, k] * 1.0 for k, c in enumerate(known.free)} if known else {}
-    kept |= {c.name: np.zeros(problem.size) for c in free if c.step == 0.0}
-    new = [c for c in free if c.name not in kept]
-    moved = []
-    steps = []
-    for c in new:
-        step = c.step * c.scale if x[c.name] + c.step * c.scale <= c.high else -c.step * c.scale
-        steps.append(step / c.scale)
-        moved.append({**x, c.name: x[c.name] + step})
+    """Derivatives (size, k) by difference quotients: to one side, or to both within the bounds."""
+    columns = {c.name: known.jacobian[:, k] for k, c in enumerate(known.free)} if known else {}
+    columns |= {c.name: np.zeros(problem.size) for c in free if c.step == 0.0}
+    places = list[tuple[Coordinate, list[float]]]()
+    for c in free:
+        if c.name not in columns:
+            ends = [s for s in (c.step * c.scale, -c.step * c.scale) if c.low <= x[c.name] + s <= c.high]
+            places.append((c, (ends or [c.step * c.scale])[: 2 if both_sides else 1]))
+    moved = [{**x, c.name: x[c.name] + step} for c, steps in places for step in steps]
+    models = iter(problem.models(model, moved))
     now = problem.measured - rows
-    columns = dict(kept)
-    for c, found, step in zip(new, problem.models(model, moved), steps, strict=True):
-        columns[c.name] = (found - now) / step
+    for c, steps in places:
+        slopes = [(next(models) - now) / (step / c.scale) for step in steps]
+        columns[c.name] = np.mean(slopes, axis=0)
     return np.column_stack([columns[c.name] for c in free])
 
 
@@ -176,34 +270,27 @@ def _prior_cost(free: Sequence[Coordinate], x: Mapping[str, float]) -> float:
 
 
 def _step(
-    free: Sequence[Coordinate], x: Mapping[str, float], jacobian: Array, rows: Array, damping: float
-) -> dict[str, float]:
-    """The next coordinates: a damped Gauss-Newton step within the bounds, see the module."""
-    scale = np.array([c.scale for c in free])
-    now = np.array([x[c.name] for c in free])
-    low = (np.array([c.low for c in free]) - now) / scale
-    high = (np.array([c.high for c in free]) - now) / scale
-    prior = prior_information(free)
-    pull = np.array([(c.start - x[c.name]) / c.scale if c.prior else 0.0 for c in free]) * prior
+    free: Sequence[Coordinate], here: _Point, damping: float, bend: Array
+) -> tuple[dict[str, float], float]:
+    """(the next coordinates, the drop of the cost that they should bring), see the module."""
+    loose = [k for k, c in enumerate(free) if c.high > c.low]
+    chosen, jacobian = [free[k] for k in loose], here.jacobian[:, loose]
+    scale, now = (np.array(of) for of in zip(*((c.scale, here.x[c.name]) for c in chosen), strict=True))
+    low, high = ((np.array([getattr(c, end) for c in chosen]) - now) / scale for end in ("low", "high"))
+    prior = prior_information(chosen)
+    pull = prior * np.array([(c.start - here.x[c.name]) / c.scale if c.prior else 0.0 for c in chosen])
     normal = jacobian.T @ jacobian + np.diag(prior)
-    right = jacobian.T @ rows + pull
-    normal = normal + np.diag(damping * np.diag(normal) + 1e-9)
-    step = np.zeros(len(free))
-    fixed = np.zeros(len(free), bool)
-    for _ in range(len(free)):
-        loose = ~fixed
-        if not loose.any():
-            break
-        reduced = right[loose] - normal[np.ix_(loose, fixed)] @ step[fixed]
-        step[loose] = np.linalg.solve(normal[np.ix_(loose, loose)], reduced)
-        outside = loose & ((step < low - 1e-12) | (step > high + 1e-12))
-        if not outside.any():
-            break
-        farthest = np.argmax(np.where(outside, np.maximum(low - step, step - high), -1.0))
-        step[farthest] = np.clip(step[farthest], low[farthest], high[farthest])
-        fixed[farthest] = True
-    step = np.clip(step, low, high)
-    return {**x, **{c.name: float(v) for c, v in zip(free, now + step * scale, strict=True)}}
+    right = jacobian.T @ here.rows + pull
+    size = np.sqrt(np.diag(normal) + WEAK)
+    curved = normal + bend[np.ix_(loose, loose)]
+    scaled = curved / np.outer(size, size)
+    more = max(WEAK - float(np.linalg.eigvalsh(scaled)[0]), 0.0)  # a saddle: downhill all the same
+    root = np.linalg.cholesky(scaled + (damping + 2.0 * more + WEAK) * np.eye(size.size))
+    wanted = solve_triangular(root, right / size, lower=True)
+    ends = np.minimum(low, 0.0) * size, np.maximum(high, 0.0) * size
+    step = np.clip(lsq_linear(root.T, wanted, ends, "bvls").x / size, low, high)
+    expected = float(step @ (2.0 * right - curved @ step))
+    return {**here.x, **{c.name: float(v) for c, v in zip(chosen, now + step * scale, strict=True)}}, expected
 
 
 def cost_of(problem: Problem, fitted: Fitted) -> float:
