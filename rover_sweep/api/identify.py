@@ -14,6 +14,8 @@ from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from threadpoolctl import threadpool_limits
+
 from rover_sweep.api.known_steering import known
 from rover_sweep.api.read import Location, Runs, fitted_and_verified, load_structures
 from rover_sweep.data.recording import OUTPUTS, Recording, joined_frames
@@ -90,6 +92,7 @@ CHANNELS = {"r": "r", "ay": "ay", "p": "p", "vydot": "vy"}  # {response: what is
 SEED = 1
 
 
+@threadpool_limits.wrap(limits=1, user_api="blas")  # so that sums do not depend on the number of threads
 def with_numbers(found: Identification, vehicle: Vehicle) -> Identification:
     """The identification with `numbers`, or with a sentence on why there are none.
 

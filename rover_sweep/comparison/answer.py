@@ -15,6 +15,8 @@ Kind = Literal["instrument", "number", "left out", "too much", "size"]
 """instrument: of the measurement, no physics. number: same law, other value. left out, too much: physics that
 only the recordings or only the simulation have. size: physics of both, in another size."""
 Verdict = Literal["agree", "differ", "differ for an unknown reason"]
+AGREE = 1.2
+"""RMS of a run's difference over the noise of both sides, up to which they agree."""
 KINDS: tuple[Kind, ...] = ("instrument", "number", "left out", "too much", "size")
 
 
@@ -63,6 +65,16 @@ class Agreement:
     overall: float
     channels: Mapping[str, float]
 
+    @property
+    def agrees(self) -> bool:
+        """True if the run differs by no more than `AGREE`."""
+        return self.overall <= AGREE
+
+    @property
+    def agrees_everywhere(self) -> bool:
+        """True if no channel of the run differs by more either."""
+        return self.agrees and all(level <= AGREE for level in self.channels.values())
+
 
 @dataclass(frozen=True, eq=False)
 class Bode:
@@ -88,7 +100,8 @@ class Comparison(Shown):
     """Simulation against recordings.
 
     sentence: the answer. places: where they differ, in units of both noise floors together. minor: quantities
-    that differ by less than the normal tolerance. could_differ: {effect: {parameter: range}} of differences
+    that differ by less than the normal tolerance. undecided: quantities that the fits of both sides have
+    otherwise, where the runs agree all the same. could_differ: {effect: {parameter: range}} of differences
     not excluded at 95 % by these runs. overlays, bode: `before` is the simulation, `after` the simulation
     plus what the differences change.
     """
@@ -98,6 +111,7 @@ class Comparison(Shown):
     places: tuple[Mismatch, ...] = ()
     differences: tuple[Difference, ...] = ()
     minor: tuple[Difference, ...] = ()
+    undecided: tuple[Difference, ...] = ()
     instruments: tuple[Instrument, ...] = ()
     agreement: tuple[Agreement, ...] = ()
     could_differ: Mapping[str, Mapping[str, UpperBound]] = field(default_factory=dict)
@@ -109,9 +123,11 @@ class Comparison(Shown):
     def table(self) -> ShortTable:
         """The differences with the values of both sides; then each run."""
         rows = []
-        for d in (*self.differences, *self.minor):
+        others = {"within tolerance": self.minor, "undecided": self.undecided}
+        kinds = [(d.kind, d) for d in self.differences]
+        kinds += [(words, d) for words, some in others.items() for d in some]  # type: ignore[misc]
+        for kind, d in kinds:
             for k, (one, two) in enumerate(zip(d.simulation, d.recordings, strict=True)):
-                kind = d.kind if d in self.differences else "within tolerance"
                 first = (d.name, kind) if k == 0 else ("", "")
                 values = (plain_number(one.value, 3), plain_number(two.value, 3))
                 interval = ends_words(two.low, two.high)

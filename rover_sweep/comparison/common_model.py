@@ -313,7 +313,9 @@ def _closest(
     x = {**model.start, **start, **dict.fromkeys(absent, 0.0)}
     free = tuple(c for c in model.free if c.name not in absent)
     problem = with_floor_of(runs, model, x)
-    first = fit(problem, model, x, free)
+    # a simulation may have any numbers, also those of the vehicle file
+    starts = (x, {**x, **{c.name: c.start for c in free if c.name not in absent}})
+    first = min((fit(problem, model, start, free, roughly=True) for start in starts), key=lambda e: e.cost)
     problem = with_floor_of(runs, model, first.x)  # the start was far off, and its residual no noise
     return problem, fit(problem, model, first.x, free)
 

@@ -163,8 +163,6 @@ def _with(runs: Sequence[Experiment], side: FittedSide, name: str, model: Model)
     return side_of(runs, model, {**side.fitted.x, **(found.start if found else {})}, model.ids)
 
 
-AGREE = 1.3
-"""RMS of the difference over the noise of both sides, up to which runs agree. Sensitivity: not measured."""
 UNEXPLAINED = 1.6  # of what the differences leave
 SOME_LEFT, SUSPICIOUS = 1.1, 20.0
 """Variance of a row and score of an effect from which effects are searched in a simulation.
@@ -244,8 +242,9 @@ def compare(
         verdict,
         answer_sentence(verdict, clear, agreement),
         mismatches(plain.problem, plain.rows) if verdict != "agree" else (),
-        clear,
+        () if verdict == "agree" else clear,
         minor,
+        clear if verdict == "agree" else (),
         instruments(known, recordings.plain.floor, simulation.plain.floor),
         agreement,
         remarks=(*_far_off(simulation), *([UNNAMED] if unnamed else [])),
@@ -286,7 +285,7 @@ def _sides(
     common = common_model(model, effects or (), seen)
     first = recordings(common, model.x)
     has = None if effects is None else [form_named(name).id for name in effects]
-    own = side_of(raw, common, model.x, has)
+    own = side_of(raw, common, first.fitted.x, has)
     simulated = as_noisy(raw, own.plain.floor, first.plain.floor)
     if any(a is not b for a, b in zip(simulated, raw, strict=True)):
         own = side_of(simulated, common, own.fitted.x, has)
@@ -327,10 +326,10 @@ def _verdict(
     recordings: FittedSide,
     simulation: FittedSide,
 ) -> Verdict:
-    """Agree if no difference matters and no residual is above the noise."""
-    far = max((a.overall for a in agreement), default=0.0) > AGREE
+    """Agree if all runs do in all channels, whatever the fits say, or if all do and no fit says otherwise."""
+    if all(a.agrees_everywhere for a in agreement) or (not clear and all(a.agrees for a in agreement)):
+        return "agree"
     unexplained = any(side.fitted.overdispersion > UNEXPLAINED for side in (recordings, simulation))
     unexplained |= bool(simulation.at_bounds)
-    if not clear:
-        return "differ for an unknown reason" if far else "agree"
-    return "differ for an unknown reason" if unexplained and far else "differ"
+    far = not all(a.agrees for a in agreement)
+    return "differ" if clear and not (unexplained and far) else "differ for an unknown reason"

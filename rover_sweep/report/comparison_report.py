@@ -9,6 +9,7 @@ from typing import Any
 
 from rover_sweep.comparison.answer import (
     ABSENT,
+    AGREE,
     Agreement,
     Bode,
     Comparison,
@@ -70,6 +71,7 @@ def comparison_report(found: Comparison, provenance: Provenance) -> Document:
     )
     differ = difference_table(found.differences, "Differences", "page")
     minor = difference_table(found.minor, "Smaller than the normal tolerance")
+    undecided = difference_table(found.undecided, "Undecided: the runs agree with either value")
     return Document(
         _title(provenance, "simulation and recordings"),
         made_words(provenance),
@@ -82,7 +84,7 @@ def comparison_report(found: Comparison, provenance: Provenance) -> Document:
             *items([sentence(i.sentence) for i in found.instruments]),
         ),
         (
-            Section("What differs", some(differ, minor), "differences"),
+            Section("What differs", some(differ, minor, undecided), "differences"),
             Section("Where they differ", some(_places(found)), "where"),
             Section("Each run", some(agreement_table(found.agreement)), "runs"),
             Section("Responses", some(Figures(_responses(found.bode, PREDICTED))), "bode"),
@@ -127,7 +129,7 @@ def twin_report(found: Twin, provenance: Provenance) -> Document:
 def _round(found: Comparison) -> tuple[Part, ...]:
     return some(
         Sentence(sentence(found.sentence)),
-        difference_table((*found.differences, *found.minor), "Differences"),
+        difference_table((*found.differences, *found.minor, *found.undecided), "Differences"),
         _places(found),
         agreement_table(found.agreement),
     )
@@ -160,7 +162,6 @@ BOUNDS = (
     "Recordings minus simulation, at 95 %: these runs do not exclude a difference within this range. "
     "relative: 0.05 is 5 % of the number. matters: smaller is normal tolerance."
 )
-AGREES = 1.3
 
 
 def difference_table(found: Sequence[Difference], heading: str, level: Level = "brief") -> Table:
@@ -193,7 +194,7 @@ def agreement_table(agreement: Sequence[Agreement]) -> Table:
 
 
 def _level(overall: float | None) -> Cell:
-    return Cell(number(overall, 3), "" if overall is None else _tone(overall <= AGREES))
+    return Cell(number(overall, 3), "" if overall is None else _tone(overall <= AGREE))
 
 
 def could_differ_table(found: Comparison) -> Table:

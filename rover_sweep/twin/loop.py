@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from rover_sweep.comparison.answer import Comparison, Correction, Twin, TwinDrive
-from rover_sweep.comparison.compare import AGREE, Compared
+from rover_sweep.comparison.compare import Compared
 from rover_sweep.comparison.differences import Known
 from rover_sweep.comparison.direct import bode_of_runs, driven_again, histories_of
 from rover_sweep.data.recording import Recording
@@ -299,7 +299,7 @@ def with_last_drive(
         last = _compared(rover, model, drive, compare).answer
     except RoverSweepError as error:
         return replace(twin, remarks=(*twin.remarks, f"the drive on {simulator} does not count: {error}"))
-    agrees = all(a.overall <= AGREE for a in last.agreement)
+    agrees = all(a.agrees for a in last.agreement)
     words = _sentence(agrees, last, len(twin.corrections), len(twin.rounds) + 1)
     rounds = (*twin.rounds, TwinDrive(last, (), simulator))
     return replace(twin, sentence=f"driven on {simulator}: {words}", agrees=agrees, rounds=rounds)
@@ -309,7 +309,7 @@ def _to_correct(found: Comparison) -> bool:
     """True if a correctable difference matters, or runs still differ because of small ones."""
     if any(d.name not in NOT_IN_THE_PLANT for d in found.differences):
         return True
-    return bool(found.minor) and any(a.overall > AGREE for a in found.agreement if not a.held_out)
+    return bool(found.minor) and any(not a.agrees for a in found.agreement if not a.held_out)
 
 
 def _compared(
@@ -359,7 +359,7 @@ def _twin(
     seconds: float,
 ) -> Twin:
     first, last = driven[0].compared, kept[-1].compared
-    agrees = all(a.overall <= AGREE for a in last.answer.agreement)
+    agrees = all(a.agrees for a in last.answer.agreement)
     after = [*driven[1:], None]
     rounds = tuple(
         TwinDrive(d.compared.answer, n.by.corrections if n else ())
