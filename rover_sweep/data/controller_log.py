@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -22,7 +22,8 @@ class ControllerLog:
     t (n,) [s], strictly increasing; target, actual (n,); p, i, d, ff (n,): the terms of the output, -1..1 of
     full steering or throttle; ff includes the derivative feed-forward, and for the speed the base throttle.
     speed (n,): forward speed [m/s], negative in reverse. parameters: by name, constant during the log. Only
-    rows in which the controller ran, without MANUAL or HOLD.
+    rows in which the controller ran, without MANUAL or HOLD. mode (n,): number of the vehicle's mode, empty
+    where it was not logged.
     """
 
     name: str
@@ -35,6 +36,7 @@ class ControllerLog:
     ff: Array
     speed: Array
     parameters: Mapping[str, float]
+    mode: Array = field(default_factory=lambda: np.empty(0))
 
     @cached_property
     def output(self) -> Array:
@@ -54,7 +56,8 @@ class ControllerLog:
 
     def where(self, keep: Mask) -> ControllerLog:
         """The rows of a mask (n,)."""
-        columns = ("t", "target", "actual", "p", "i", "d", "ff", "speed")
+        columns = ["t", "target", "actual", "p", "i", "d", "ff", "speed"]
+        columns += ["mode"] if self.mode.size else []
         return replace(self, **{name: getattr(self, name)[keep] for name in columns})
 
     def running(self) -> ControllerLog:

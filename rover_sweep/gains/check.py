@@ -14,6 +14,7 @@ from rover_sweep.gains.controller import simulate_loop
 from rover_sweep.gains.identified import Identified
 from rover_sweep.gains.proposal import REACH, family_of
 from rover_sweep.gains.steering_chain import Autopilot, Gains, SampledPlant, autopilot
+from rover_sweep.gains.target_loop import swinging_target, target_loop
 from rover_sweep.gains.tracking import (
     Even,
     Limited,
@@ -35,6 +36,7 @@ LOWEST_FF, HIGHEST_FF = 0.75, 1.25  # of the output of a steady turn: outside, F
 LEAST_FIT = 0.5  # share of the turn rate's variance; below it the steering's response is not known
 TURNED = -0.7  # correlation of turn rate and output; the controller then steers away from its target
 LEAST_TURNING = math.radians(3.0)  # rms of the target, rad/s; below it nothing is judged
+LEAST_SHARE_OF_TARGET = 0.5  # rms of a swinging target's line over that of the target
 LEAST_OSCILLATION = math.radians(1.5)  # rad/s rms
 LEAST_SPEED_OSCILLATION = 0.05  # m/s rms
 LEAST_SHARE = 0.05  # of the driving time: shorter at a limit is normal
@@ -120,6 +122,7 @@ def check_steering(log: ControllerLog, found: Identified | None = None) -> Steer
         *_oscillates(swing, loop.gains, "ATC_STR_RAT", "deg/s", math.degrees(1.0)),
         *(_feed_forward(loop.gains, fitted, right) if swing is None else ()),
         *_limits([limit for limit in limits if limit.parameter or swing is None], loop, fitted),
+        *_target_swings(rows, parts, achieved),
     )
     plant = _identified(found, fitted, loop)
     own = _own(fitted, loop)
@@ -159,6 +162,23 @@ def _reversed(loop: Autopilot, turned: float) -> GainFault:
         "is not mounted as AHRS_ORIENTATION says"
     )
     return GainFault("steering reversed", words, name, float(loop.reversed), float(not loop.reversed))
+
+
+def _target_swings(rows: ControllerLog, parts: Sequence[Even], achieved: Tracking) -> Iterator[GainFault]:
+    """A target that itself swings, which no gain of this controller ends."""
+    swing = swinging_target(parts, max(LEAST_TURNING, LEAST_SHARE_OF_TARGET * achieved.target_rms))
+    made_by = target_loop(rows.mode, rows.parameters, swing.hz) if swing else None
+    if swing is None or made_by is None:  # the pilot swings the stick
+        return
+    words = (
+        f"the target turn rate itself swings at {swing.hz:.2g} Hz with {math.degrees(swing.rms):.2g} deg/s "
+        f"rms ({100 * swing.share:.0f} % of it), unless the mission weaves so: {made_by.name} makes it"
+    )
+    others = made_by.parameters[1:] if made_by.parameters else ()
+    words += f"; look at {' and '.join(others)} too" if others else ""
+    words += f"; the rover follows {achieved.lag:.2f} s late, which adds to it"
+    first = made_by.parameters[0] if made_by.parameters and math.isfinite(made_by.value) else ""
+    yield GainFault("target swings", words, first, made_by.now, made_by.value)
 
 
 def _oscillates(

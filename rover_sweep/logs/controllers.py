@@ -77,7 +77,10 @@ def _flash_log(name: str, flash: DataFlash, message: str) -> ControllerLog:
     if flash.has("THR", "Speed"):  # the controller's own, though at 10 Hz
         at, (own,) = increasing(flash.seconds("THR"), flash.column("THR", "Speed"))
         speed = Signal(at, own, "m/s", "THR.Speed")
-    return _log(name, t, kept, speed)
+    modes = None
+    if flash.has("MODE", "ModeNum"):
+        modes = flash.seconds("MODE"), flash.column("MODE", "ModeNum")
+    return _log(name, t, kept, speed, modes)
 
 
 def _of_telemetry(path: Path) -> tuple[list[ControllerLog], list[ControllerLog]]:
@@ -103,7 +106,12 @@ def _telemetry_log(name: str, session: BootMessages, axis: int) -> ControllerLog
     if axis == STEER_AXIS:
         columns[:2] = [np.radians(c) for c in columns[:2]]
     t, kept = increasing(session.seconds("PID_TUNING")[own], *columns)
-    return _log(name, t, kept, ground_velocity(session, attitude(session).get("psi")).get("speed"))
+    modes = None
+    if "HEARTBEAT" in session.messages:
+        hearts = session.messages["HEARTBEAT"].rows
+        modes = session.seconds("HEARTBEAT"), hearts["custom_mode"].astype(float)
+    speed = ground_velocity(session, attitude(session).get("psi")).get("speed")
+    return _log(name, t, kept, speed, modes)
 
 
 def _heard(session: BootMessages) -> list[tuple[float, str, float]]:
@@ -117,11 +125,21 @@ def _heard(session: BootMessages) -> list[tuple[float, str, float]]:
     )
 
 
-def _log(name: str, t: Array, columns: Sequence[Array], speed: Signal | None) -> ControllerLog:
+def _log(
+    name: str,
+    t: Array,
+    columns: Sequence[Array],
+    speed: Signal | None,
+    modes: tuple[Array, Array] | None = None,
+) -> ControllerLog:
+    """The log. modes: times (k,) [s] and numbers (k,) of the vehicle's modes from then on."""
     if speed is None or speed.t.size < 2:
         raise DataRefused(
             f"{name} holds no speed (THR, XKF1 or GPS; LOCAL_POSITION_NED or VFR_HUD): log one of them too"
         )
     known = dict(zip(_COLUMNS, columns, strict=True))
-    made = ControllerLog(name, t, **known, speed=np.interp(t, speed.t, speed.x), parameters={})
+    mode = np.empty(0)
+    if modes is not None and modes[0].size:
+        mode = modes[1][np.maximum(np.searchsorted(modes[0], t, "right") - 1, 0)]
+    made = ControllerLog(name, t, **known, speed=np.interp(t, speed.t, speed.x), parameters={}, mode=mode)
     return made.where(np.all([np.isfinite(c) for c in (*columns, made.speed)], axis=0))

@@ -323,3 +323,66 @@ def test_the_first_ff_is_in_the_json_document(capsys: pytest.CaptureFixture[str]
     assert run(["gains", "--check", str(DATA / "ardurover-4.6.3" / "nominal" / "run1.BIN"), "--json"]) == 0
     first = json.loads(capsys.readouterr().out)["first"]
     assert first["low"] < first["value"] < first["high"] and first["reversed_servo"] == ""
+
+
+AUTO, LOITER, ACRO = 10.0, 5.0, 1.0
+POSITION = {"PSC_POS_P": 0.2, "PSC_VEL_P": 1.0}
+
+
+def swinging(proposal: Proposal, tuned: Gains, mode: float, hz: float = 0.2, **known: float) -> ControllerLog:
+    """A well tuned loop that follows a target that swings, as a rover that weaves about its track."""
+    log = driven(proposal, tuned)
+    t = log.t
+    target = math.radians(12) * np.sin(2 * np.pi * hz * t)
+    late = 0.2
+    return replace(
+        log,
+        target=target,
+        actual=math.radians(12) * np.sin(2 * np.pi * hz * (t - late)),
+        ff=tuned.ff * target,
+        p=0 * t,
+        i=0 * t,
+        parameters={**log.parameters, **known},
+        mode=np.full(t.size, mode),
+    )
+
+
+@pytest.mark.parametrize(
+    ("mode", "hz", "known", "parameter", "value", "loop"),
+    [
+        (AUTO, 0.2, POSITION, "PSC_VEL_P", 0.5, "the position controller"),
+        (AUTO, 0.2, {"PSC_POS_P": 1.3, "PSC_VEL_P": 6.0}, "PSC_POS_P", 0.65, "the position controller"),
+        (AUTO, 0.2, {"NAVL1_PERIOD": 8.0}, "NAVL1_PERIOD", 12.0, "the L1 controller"),
+        (LOITER, 0.4, {"ATC_STR_ANG_P": 2.0, **POSITION}, "ATC_STR_ANG_P", 1.0, "the heading controller"),
+    ],
+)
+def test_a_target_that_swings_names_the_loop_above(
+    proposal: Proposal, tuned: Gains, mode, hz, known, parameter, value, loop
+):
+    check = check_steering(swinging(proposal, tuned, mode, hz, **known))
+    fault = next(f for f in check.findings if f.name == "target swings")
+    assert (fault.parameter, fault.value) == (parameter, pytest.approx(value))
+    assert loop in fault.words and f"{hz:.2g} Hz" in fault.words
+    said = [part.text for part in check_report(((), ()), ([check], ())).answer]
+    assert not said[0].startswith("Nothing to change")
+
+
+def test_a_pilot_may_swing_and_a_mission_may_turn(proposal: Proposal, tuned: Gains):
+    """The stick's sine in ACRO is meant; a square of 12 m is driven round one way."""
+    pilot = check_steering(swinging(proposal, tuned, ACRO, **POSITION))
+    assert not [f for f in pilot.findings if f.name == "target swings"]
+    log = swinging(proposal, tuned, AUTO, **POSITION)
+    corner = np.where(log.t % 6.7 < 1.5, math.radians(60), 0.0)
+    square = replace(log, target=corner, actual=np.interp(log.t - 0.2, log.t, corner))
+    mission = check_steering(square)
+    assert not [f for f in mission.findings if f.name == "target swings"]
+    unknown = check_steering(replace(swinging(proposal, tuned, AUTO, **POSITION), mode=np.empty(0)))
+    assert not [f for f in unknown.findings if f.name == "target swings"]
+
+
+def test_the_mode_is_read_from_the_log():
+    """The recorded drives are in ACRO."""
+    for path in (RECORDED / "check.BIN", RECORDED / "half.tlog"):
+        log = read_controllers(path).steering[0]
+        assert log.mode.size in (0, log.t.size)
+        assert set(log.mode) <= {ACRO}
