@@ -12,6 +12,7 @@ from collections.abc import Callable
 from math import ceil
 from pathlib import Path
 
+from sitl.autopilot.arming_checks import at_arming, before_arming
 from sitl.autopilot.radio import Radio
 from sitl.autopilot.scripts import Scripts
 from sitl.autopilot.servo_outputs import STEERING, STEERING_FULL, THROTTLE, THROTTLE_FULL, ServoOutputs
@@ -38,6 +39,7 @@ class Rover:
     """One boot of the vehicle.
 
     plant_rate_hz: of plant, sensors and scripts; fewer steps are quicker and coarser. now_us: vehicle time.
+    prearm_passed: the checks before arming, as of the last second (Rover::one_second_loop).
     Callbacks, set by whoever links it: on_text(severity, text), on_named_float(name, value),
     on_parameter(parameter).
     """
@@ -64,7 +66,7 @@ class Rover:
         self.sensors = Sensors(plant, seed, 1e6 / self._substep_us, gyro_hz, accel_hz)
         self.radio = Radio(parameters)
         self.servos = ServoOutputs(parameters, self.loop_period_us)
-        self.armed = False
+        self.armed = self.prearm_passed = False
         self.mode = int(parameters["INITIAL_MODE"])
         self.mode = self.mode if self.mode in MODE_NAMES else HOLD
         self.mode_reason = INITIALISED
@@ -97,6 +99,8 @@ class Rover:
             self._radio_failsafe()
         if self.due(7):
             self._mode_switch()
+        if self.due(1):
+            self.prearm_passed = not self.prearm_faults()
         if self.due(10):
             self._switches()
             self._gcs_failsafe()
@@ -182,30 +186,29 @@ class Rover:
 
     # ---- arming
 
-    def refusal(self) -> str | None:
-        """Why arming is refused now, in ArduRover's words; None if it is allowed."""
-        p = self.parameters
+    def prearm_faults(self) -> tuple[str, ...]:
+        """The failed checks of a disarmed rover, in ArduRover's words."""
         if self.now_ms < READY_MS:
-            return "PreArm: System not initialised"
-        if p["ARMING_CHECK"] == 0:
-            return None
-        if self.failsafe_bits & RADIO_LOST or not self.radio.seen:
-            return "PreArm: Radio failsafe on"
-        if self.scripts.error is not None:
-            return f"PreArm: Scripting: {self.scripts.error}"
-        for name, channel in (("Steer", "RCMAP_ROLL"), ("Throttle", "RCMAP_THROTTLE")):
-            number = int(p[channel])
-            if not self.radio.neutral(number):
-                return f"Arm: {name} (RC{number}) is not neutral"
-        return None
+            return ("System not initialised",)
+        no_radio = bool(self.failsafe_bits & RADIO_LOST) or not self.radio.seen
+        return before_arming(self.parameters, no_radio, self.scripts.error)
+
+    def run_prearm_checks(self) -> bool:
+        """MAV_CMD_RUN_PREARM_CHECKS: reports each failed check; False while armed."""
+        if self.armed:
+            return False
+        for fault in self.prearm_faults():
+            self.text(CRITICAL, f"PreArm: {fault}")
+        return True
 
     def arm(self, forced: bool = False) -> bool:
-        """Arms, or reports the reason and returns False."""
+        """Arms, or reports the reasons and returns False."""
         if self.armed:
             return True
-        refusal = None if forced and self.now_ms >= READY_MS else self.refusal()
-        if refusal is not None:
-            self.text(CRITICAL, refusal)
+        faults = () if forced and self.now_ms >= READY_MS else self.prearm_faults()
+        if faults := faults or (() if forced else at_arming(self.parameters, self.radio)):
+            for fault in faults:
+                self.text(CRITICAL, f"Arm: {fault}")
             return False
         if self.parameters["ARMING_CHECK"] == 0:
             self.text(WARNING, "Warning: Arming Checks Disabled")

@@ -11,7 +11,7 @@ from sitl.autopilot.rover import GCS_COMMAND, Rover
 from sitl.ground.message_intervals import StreamSchedule
 from sitl.ground.messages import BUILDERS
 
-ACCEPTED, DENIED, UNSUPPORTED, FAILED = 0, 2, 3, 4  # MAV_RESULT
+ACCEPTED, TEMPORARILY_REJECTED, DENIED, UNSUPPORTED, FAILED = range(5)  # MAV_RESULT
 FORCE_ARM = (2989.0, 21196.0)
 FORCE_DISARM = 21196.0
 SCRIPTING_STOP, SCRIPTING_RESTART = 2, 3
@@ -125,7 +125,4 @@ class Commands:
         return ACCEPTED
 
     def _prearm(self, p: Numbers) -> int:
-        refusal = self.rover.refusal()
-        if refusal is not None:
-            self.rover.text(2, refusal)
-        return ACCEPTED
+        return ACCEPTED if self.rover.run_prearm_checks() else TEMPORARILY_REJECTED

@@ -25,6 +25,7 @@ MILLI_G = 1000.0 / GRAVITY
 ROVER_TYPE, ARDUPILOT = mavlink.MAV_TYPE_GROUND_ROVER, mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA
 EKF_READY, EKF_WITHOUT_GPS = 831, 165
 SENSORS = 1 << 0 | 1 << 1 | 1 << 5 | 1 << 11 | 1 << 15 | 1 << 16 | 1 << 21 | 1 << 24
+PREARM = mavlink.MAV_SYS_STATUS_PREARM_CHECK
 
 
 def heartbeat(rover: Rover) -> Message:
@@ -41,7 +42,12 @@ def sys_status(rover: Rover) -> Message:
     healthy = SENSORS if rover.now_ms >= GPS_MS else SENSORS & ~(1 << 5)
     if rover.radio.lost(rover.now_ms):
         healthy &= ~(1 << 16)
-    return mavlink.MAVLink_sys_status_message(SENSORS, SENSORS, healthy, 0, 12600, -1, 100, 0, 0, 0, 0, 0, 0)
+    enabled = SENSORS | (PREARM if rover.parameters["ARMING_CHECK"] else 0)
+    if enabled & PREARM and (rover.armed or rover.prearm_passed):
+        healthy |= PREARM
+    return mavlink.MAVLink_sys_status_message(
+        SENSORS | PREARM, enabled, healthy, 0, 12600, -1, 100, 0, 0, 0, 0, 0, 0
+    )
 
 
 def system_time(rover: Rover) -> Message:

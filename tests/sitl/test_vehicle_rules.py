@@ -264,7 +264,7 @@ def test_a_script_that_fails_forbids_arming(tmp_path: Path, store: ParameterStor
     rover.on_text = lambda severity, text: texts.append(text)
     run(rover, 4)
     assert not rover.arm()
-    assert texts[-1].startswith("PreArm: Scripting:") and "no such luck" in texts[-1]
+    assert texts[-1].startswith("Arm: Scripting:") and "no such luck" in texts[-1]
 
 
 # ---- the log

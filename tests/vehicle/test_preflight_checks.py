@@ -20,6 +20,7 @@ from rover_sweep.vehicle.preflight.read_rover import (
     Estimator,
     Gps,
     Observation,
+    Prearm,
     estimate,
 )
 from rover_sweep.vehicle.preflight.readiness import NAMES, all_checks
@@ -32,11 +33,12 @@ HAS = (
     | {"STAT_BOOTCNT": 3.0, "FS_THR_ENABLE": 1.0, "FS_THR_VALUE": 910.0, "FS_ACTION": 2.0}
     | {"RC1_TRIM": 1500.0, "RC3_TRIM": 1500.0, "BATT_LOW_VOLT": 10.5, "LOG_BITMASK": 65535.0}
     | {"LOG_BACKEND_TYPE": 1.0, "LOG_DISARMED": 0.0, "SWP_VER": applet_version(), "RC_OVERRIDE_TIME": 3.0}
+    | {"MODE_CH": 8.0, "ARMING_CHECK": 1.0}
 )
 
 
 # Checks that look at a part of what another one looks at.
-SAME_NUMBERS = {"parameters", "loop_rate", "filters", "streams", "source", "switch"}
+SAME_NUMBERS = {"parameters", "loop_rate", "filters", "streams", "source", "switch", "rc_options"}
 
 
 def survey_of(has: dict[str, float]) -> Survey:
@@ -67,12 +69,17 @@ def seen(changed: dict[str, float] | None = None, **values: Any) -> Observation:
         True,
         disk=(20_000_000_000, "today"),
         link=LinkQuality(5.0, 900, latency=0.04),
+        prearm=Prearm(True),
     )
     return replace(whole, **values)
 
 
 def check(name: str, what: Observation) -> Check:
     return next(c for c in all_checks(what) if c.name == name)
+
+
+def failing(*reasons: str) -> Prearm:
+    return Prearm(False, reasons=reasons)
 
 
 def worse(**changed: float) -> tuple[StreamQuality, ...]:
@@ -133,6 +140,25 @@ def test_where_all_is_well_all_checks_say_so() -> None:
         ("rc", "bad", "would not react to a loss of the radio", seen({"FS_THR_ENABLE": 0.0})),
         ("switch", "bad", "switch 6 is high", seen(channels={1: 1500, 3: 1500, 6: 1900})),
         ("switch", "bad", "none has option 300", seen({"RC6_OPTION": 0.0})),
+        ("switch", "bad", "throwing it changes the mode", seen({"MODE_CH": 6.0})),
+        (
+            "rc_options",
+            "bad",
+            "RC6_OPTION and RC9_OPTION are 300: the autopilot",
+            seen({"RC9_OPTION": 300.0}),
+        ),
+        ("rc_options", "bad", "(MODE_CH) and RC8_OPTION is 41", seen({"RC8_OPTION": 41.0})),
+        (
+            "rc_options",
+            "doubtful",
+            "are 300: one switch does two things",
+            seen({"RC9_OPTION": 300.0, "ARMING_CHECK": 2.0}),
+        ),
+        ("prearm", "bad", "does not arm: Compass not healthy", seen(prearm=failing("Compass not healthy"))),
+        ("prearm", "bad", "its reason did not arrive", seen(prearm=failing())),
+        ("prearm", "doubtful", "now its checks pass", seen(prearm=Prearm(True, reasons=("Gyros",)))),
+        ("prearm", "doubtful", "checks nothing before", seen(prearm=Prearm(False, off=True))),
+        ("prearm", "unknown", "does not report", seen(prearm=None)),
         ("mode", "bad", "the rover is in HOLD", seen(mode=4)),
         ("applet", "doubtful", "SWP_V_MIN is 0, as for a test on a box", seen({"SWP_V_MIN": 0.0})),
         ("armed", "bad", "does not set it up or reboot it", seen(armed=True)),
@@ -154,6 +180,20 @@ def test_an_armed_rover_in_hold_is_taken_back_with_centred_sticks_and_the_mode_s
     assert held["armed"] is not None and held["armed"].words == f"disarm; to drive it from HOLD: {back}"
     in_manual = check("armed", seen(armed=True)).remedy
     assert in_manual is not None and in_manual.words == "disarm"
+
+
+def test_each_reason_of_the_autopilot_has_its_own_advice() -> None:
+    reasons = failing("Hardware safety switch", "Compass not calibrated", "Compass not healthy", "Yoghurt")
+    found = check("prearm", seen(prearm=reasons))
+    assert found.seen == "4 not passed" and found.remedy is not None and found.remedy.by_hand
+    press, compass, other = found.remedy.words.split("; ")
+    assert (press, "calibrate the compass" in compass) == ("press the safety switch", True)
+    assert "Pre-Arm Safety Checks" in other
+
+
+def test_an_armed_rover_is_not_asked_for_its_checks_before_arming() -> None:
+    found = check("prearm", seen(armed=True, prearm=None))
+    assert (found.state, found.seen, found.remedy) == ("unknown", "not asked", None)
 
 
 def test_the_reason_for_the_gyro_filter_has_the_figures_of_the_check() -> None:

@@ -38,7 +38,8 @@ def preflight(
     as_json: bool = JSON_ALONE,
 ) -> int:
     """Check everything needed before a run: firmware, applet, parameters, rates, filters,
-    streams, clock, log, disk, battery, GPS, EKF, radio, switch, mode.
+    streams, clock, log, disk, battery, GPS, EKF, radio, switch, channel options, mode,
+    the autopilot's own checks before arming.
 
     Changes nothing, except with --fix, which asks first and checks again afterwards. Nothing moves or arms.
     Exit code 0 if no check is bad, else 1.

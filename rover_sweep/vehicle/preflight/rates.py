@@ -263,13 +263,20 @@ def _stick(observed: Observation, mapping: str, usual: int) -> tuple[int, float,
 
 
 def switch(observed: Observation) -> Check:
-    """Whether the switch is low: the applet does not start if it is high at its first reading."""
+    """Whether the switch is its own and low: the applet does not start if it is high at its first reading."""
     number = switch_of(observed.parameters, 0)
     if number == 0:
         sentence = "no channel starts the applet: none has option 300, and SWP_CHAN is 0"
         return Check("switch", "bad", "none", sentence, _SIX)
     pwm = (observed.channels or {}).get(number, 0)
     value = f"channel {number}: {pwm} us"
+    if observed.parameter("MODE_CH") == number:
+        sentence = (
+            f"channel {number} starts the applet and is also the mode switch (MODE_CH): throwing it changes "
+            "the mode, and the applet runs only in MANUAL"
+        )
+        words = "set MODE_CH to the channel of the mode switch, or start the applet by another channel"
+        return Check("switch", "bad", value, sentence, Remedy(words, by_hand=True))
     if not _PULSES[0] <= pwm <= _PULSES[1]:
         sentence = f"channel {number} has no pulses: the position of the switch is unknown"
         hand = Remedy(f"give channel {number} a switch on the transmitter", by_hand=True)

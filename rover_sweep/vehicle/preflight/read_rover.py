@@ -17,6 +17,7 @@ from rover_sweep.vehicle.link.connection import vehicle_seconds
 from rover_sweep.vehicle.link.inbox import LinkQuality
 from rover_sweep.vehicle.link.link import Link
 from rover_sweep.vehicle.link.mavlink import Message, constant, kind, message_id
+from rover_sweep.vehicle.link.statustext import Said
 from rover_sweep.vehicle.link.streams import (
     IDENTIFICATION_RATES,
     Stream,
@@ -63,6 +64,16 @@ class Estimator:
 
 
 @dataclass(frozen=True)
+class Prearm:
+    """The autopilot's own checks before arming. passed: SYS_STATUS reports that all pass; off: it makes none;
+    reasons: its texts on those that fail, without "PreArm: "."""
+
+    passed: bool
+    off: bool = False
+    reasons: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
 class ClockComparison:
     """Time stamps of messages against their arrival, over `span` s of the vehicle's clock.
 
@@ -87,7 +98,7 @@ class Observation:
     number [us], empty without a receiver; a receiver that lost its radio keeps the last values. radio,
     logging: whether the firmware reports that it hears the radio, that it can log. pending: parameters that
     were set and wait for a reboot. disk: (free bytes, name) of the folder. link: quality of the link during
-    the reading."""
+    the reading. prearm: None where the rover is armed or does not report its checks."""
 
     survey: Survey
     parameters: Mapping[str, float]
@@ -106,6 +117,7 @@ class Observation:
     pending: tuple[str, ...] = ()
     disk: tuple[int, str] = (0, "")
     link: LinkQuality | None = None
+    prearm: Prearm | None = None
 
     def parameter(self, name: str) -> float:
         """A parameter of the rover, NaN if the rover does not have it."""
@@ -132,8 +144,8 @@ class Remedy:
 @dataclass(frozen=True)
 class Check:
     """The result of a check. name: stable, lower case (link, firmware, applet, parameters, filters,
-    loop_rate, ekf, gps, battery, rc, switch, disk, streams, source, mode); seen: the observed value in a few
-    words; sentence: what it means."""
+    loop_rate, ekf, gps, battery, rc, switch, rc_options, disk, streams, source, mode, prearm); seen: the
+    observed value in a few words; sentence: what it means."""
 
     name: str
     state: State
@@ -194,6 +206,7 @@ _NAMES = (
     *("INS_GYRO_FILTER", "INS_ACCEL_FILTER", "SCHED_LOOP_RATE", "STAT_BOOTCNT", "SCR_ENABLE"),
     *("LOG_BITMASK", "LOG_BACKEND_TYPE", "LOG_DISARMED"),
     *("FS_THR_ENABLE", "FS_THR_VALUE", "FS_ACTION", "RCMAP_ROLL", "RCMAP_THROTTLE", "SWP_CHAN", "SWP_WMAX"),
+    *("MODE_CH", "ARMING_CHECK"),
     *("RC_OVERRIDE_TIME", "SWP_LAPSE", "SWP_BACK", "SWP_V_MIN"),
     *("BATT_LOW_VOLT", "BATT_CRT_VOLT", "BATT_ARM_VOLT"),
     *(f"RC{n}_OPTION" for n in range(1, 17)),
@@ -219,7 +232,9 @@ def look(link: Link, folder: Path, w_max: float | None = None) -> Observation:
     found = survey(link, read(shipped("identification")))
     sticks = [f"RC{int(has.get(name, usual))}" for name, usual in (("RCMAP_ROLL", 1), ("RCMAP_THROTTLE", 3))]
     has |= read_present(link, [f"{stick}_{what}" for stick in sticks for what in ("TRIM", "DZ")])
-    granted, quality, clock = _measured(link, has.get("SCHED_LOOP_RATE", 50.0))
+    with _asked_to_check(link) as reasons:
+        granted, quality, clock = _measured(link, has.get("SCHED_LOOP_RATE", 50.0))
+        prearm = None if link.armed else _prearm(link.request_message("SYS_STATUS"), reasons)
     return Observation(
         survey=found,
         parameters=has,
@@ -232,6 +247,7 @@ def look(link: Link, folder: Path, w_max: float | None = None) -> Observation:
         pending=waiting(folder, found.vehicle, has.get("STAT_BOOTCNT", 0.0)),
         disk=(_free(folder), folder.name or str(folder)),
         link=link.quality,
+        prearm=prearm,
         **_values(latest),
     )
 
@@ -290,6 +306,38 @@ def _healthy(status: Message | None, name: str) -> bool | None:
     if status is None or not status.onboard_control_sensors_present & bit:
         return None
     return bool(status.onboard_control_sensors_health & bit)
+
+
+_PREARM, _CRITICAL = "PreArm: ", 2  # AP_Arming::check_failed, 4.6.3: a check that counts has this severity
+
+
+@contextmanager
+def _asked_to_check(link: Link) -> Iterator[list[str]]:
+    """Let a disarmed autopilot make its checks before arming, and collect its texts inside the block.
+
+    It arms nothing: GCS_MAVLINK::handle_command_run_prearm_checks, 4.6.3. It repeats its texts of its own
+    accord every 30 s. SYS_STATUS is up to 1 s older (Rover::one_second_loop).
+    """
+    reasons: list[str] = []
+
+    def keep(text: Said) -> None:
+        reason = text.text.removeprefix(_PREARM)
+        if reason != text.text and text.severity <= _CRITICAL and reason not in reasons:
+            reasons.append(reason)
+
+    with link.listening(lambda _: None, keep):
+        if not link.armed:
+            link.command("MAV_CMD_RUN_PREARM_CHECKS")
+        yield reasons
+
+
+def _prearm(status: Message | None, reasons: Sequence[str]) -> Prearm | None:
+    """From SYS_STATUS (GCS::update_sensor_status_flags, 4.6.3) and the texts; None without an outcome."""
+    bit = constant("MAV_SYS_STATUS_PREARM_CHECK")
+    if status is None or not status.onboard_control_sensors_present & bit:
+        return Prearm(False, reasons=tuple(reasons)) if reasons else None
+    enabled = bool(status.onboard_control_sensors_enabled & bit)
+    return Prearm(bool(status.onboard_control_sensors_health & bit), not enabled, tuple(reasons))
 
 
 def _measured(

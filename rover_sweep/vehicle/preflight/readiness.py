@@ -18,7 +18,7 @@ from rover_sweep.vehicle.identity import identify_vehicle, mode_name
 from rover_sweep.vehicle.link.inbox import ADVICE, BadLink
 from rover_sweep.vehicle.link.link import Link
 from rover_sweep.vehicle.parameters import read_present, write_parameter
-from rover_sweep.vehicle.preflight import onboard, rates
+from rover_sweep.vehicle.preflight import arming, onboard, rates
 from rover_sweep.vehicle.preflight.read_rover import (
     Battery,
     Check,
@@ -269,7 +269,7 @@ _IN_ORDER = (
     *(armed, onboard.firmware, onboard.parameters, onboard.applet),
     *(rates.loop_rate, rates.filters, rates.link, rates.streams, rates.clock),
     *(onboard.logging, onboard.source, onboard.disk),
-    *(battery, gps, ekf, rates.rc, rates.switch, mode),
+    *(battery, gps, ekf, rates.rc, rates.switch, arming.rc_options, mode, arming.prearm),
 )
 NAMES = tuple(check.__name__ for check in _IN_ORDER)
 """Names of all checks, in the order in which to correct them."""
