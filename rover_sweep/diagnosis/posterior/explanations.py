@@ -16,6 +16,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
+from math import inf
 
 from rover_sweep.data.results import Progress
 from rover_sweep.diagnosis.effects import Effect
@@ -130,8 +131,8 @@ def _next_level(
 
 def _finished(problem: Problem, pool: Sequence[Fitted]) -> list[Fitted]:
     """Those of a pool that may be right and were not fitted to the end, fitted so, in their best forms."""
-    least = min(e.cost for e in pool)
-    rivals = [e for e in pool if not e.finished and e.cost - least < NEAR * e.overdispersion]
+    useful = _useful(min(pool, key=lambda e: e.cost))
+    rivals = [e for e in pool if not e.finished and e.cost < useful]
     return list(side_by_side(lambda e: refitted(problem, fit(problem, e.model, e.x, known=e)), rivals))
 
 
@@ -181,8 +182,11 @@ def _from_afar(problem: Problem, base: Fitted, effects: Sequence[Effect]) -> lis
                 more = base.model.with_effect(law.name)
                 some = starts.setdefault(more.effects, [])
                 some += [(more, {**place.x, **sizes}, place) for sizes in _own_sizes(law)]
+    found = sorted(side_by_side(partial(_where_to_begin, plain), list(starts.values())), key=lambda e: e.cost)
+    nearest = fit(plain, found[0].model, found[0].x, roughly=True)
+    near = side_by_side(lambda e: fit(plain, e.model, e.x, roughly=True, useful=_useful(nearest)), found[1:])
     fits: dict[frozenset[str], Fitted] = {}
-    for e in side_by_side(partial(_best_of, plain), list(starts.values())):
+    for e in (nearest, *near):
         before = fits.get(e.effects)
         if before is None or _cost_of_form(e) < _cost_of_form(before):
             fits[e.effects] = e
@@ -205,14 +209,26 @@ def _own_sizes(law: Effect) -> list[dict[str, float]]:
     return [sizes, {n: -v for n, v in sizes.items()}] if law.signed else [sizes]
 
 
-def _best_of(problem: Problem, starts: Starts) -> Fitted:
-    """The fit from the start that leads to the smallest cost."""
+def _where_to_begin(problem: Problem, starts: Starts) -> Fitted:
+    """Where the start leads that leads to the smallest cost; the first one where nothing tells them apart."""
     near = [(model, x, known) for model, x, known in starts if known is not None]
-    if len(near) < len(starts) or len(near) == 1:
+    if len(near) < len(starts):
+        return fit(problem, starts[0][0], starts[0][1], roughly=True)
+    return min((first_steps(problem, *start) for start in near), key=lambda e: e.cost)
+
+
+def _best_of(problem: Problem, starts: Starts, useful: float = inf) -> Fitted:
+    """The fit from the start that leads to the smallest cost. useful: see `fit`."""
+    if len(starts) == 1:
         model, x, known = starts[0]
-        return fit(problem, model, x, known=known, roughly=True)
-    best = min((first_steps(problem, *start) for start in near), key=lambda e: e.cost)
-    return fit(problem, best.model, best.x, roughly=True)
+        return fit(problem, model, x, known=known, roughly=True, useful=useful)
+    best = _where_to_begin(problem, starts)
+    return fit(problem, best.model, best.x, roughly=True, useful=useful)
+
+
+def _useful(best: Fitted) -> float:
+    """The largest cost of an explanation that may be right, next to the best one."""
+    return best.cost + NEAR * best.overdispersion
 
 
 def refitted(problem: Problem, best: Fitted) -> Fitted:
@@ -225,9 +241,9 @@ def refitted(problem: Problem, best: Fitted) -> Fitted:
             effects = tuple(other.name if e == law.name else e for e in best.model.effects)
             model = replace(best.model, effects=effects)
             known = best if other.parameters == law.parameters else _without(best, law.id)
-            near = fit(
-                problem, model, {**best.x, **_same_size(law, other, best.x)}, known=known, roughly=True
-            )
+            more = PER_PARAMETER * (len(law.parameters) - len(other.parameters))
+            start = {**best.x, **_same_size(law, other, best.x)}
+            near = fit(problem, model, start, known=known, roughly=True, useful=best.cost + more)
             if _cost_of_form(near) < _cost_of_form(best) + ROUGH * best.overdispersion:
                 near = fit(problem, model, near.x, known=near)
             if _cost_of_form(near) < _cost_of_form(best) - FINISHED * best.overdispersion:
@@ -299,8 +315,9 @@ def _moved(problem: Problem, first: Fitted, near: Fitted, old: Pool) -> Pool:
         added = [c.name for name in e.model.effects for c in added_coordinates(e.model.law(name))]
         own = {n: e.x[n] for n in added}
         if DEGREES_OF_FREEDOM & e.effects:
-            return fit(problem, e.model, {**e.x, **first.x}, roughly=True)
-        return _best_of(problem, [(e.model, {**e.x, **of.x, **own}, of) for of in (first, near, e)])
+            return fit(problem, e.model, {**e.x, **first.x}, roughly=True, useful=_useful(near))
+        starts = [(e.model, {**e.x, **of.x, **own}, of) for of in (first, near, e)]
+        return _best_of(problem, starts, _useful(near))
 
     others = [e for e in old.values() if e.effects not in (first.effects, near.effects)]
     return {e.effects: e for e in (first, near, *side_by_side(moved, others))}

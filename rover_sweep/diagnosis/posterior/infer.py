@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from rover_sweep.data.geometry import Geometry, Tolerances
+from rover_sweep.data.recording import Array
 from rover_sweep.data.results import Progress
 from rover_sweep.diagnosis.effects import Effect
 from rover_sweep.diagnosis.held_out import HeldOutRun, scaled_floor, worse_by
@@ -70,7 +71,7 @@ class Inference:
 
     named: its effects that are answers. minor: its effects that are present and do not matter.
     families: unnamed, in the residual of `last`, () if not known. gains: {effect: drop of the cost with it
-    alone}.
+    alone}. held: the held-out runs in the metric, in which they weighed the explanations.
     """
 
     none: ModelFit
@@ -80,6 +81,7 @@ class Inference:
     minor: tuple[str, ...]
     families: tuple[UnnamedFamily, ...]
     gains: Mapping[str, float]
+    held: tuple[Problem, ...] = ()
     stopped: bool = False
 
 
@@ -192,6 +194,7 @@ def infer(
         tuple(sorted(whole.effects - {n for n, _ in named})),
         found.families.get(whole.effects, ()),
         found.gains,
+        found.held,
         options.stop(),
     )
 
@@ -290,40 +293,45 @@ Judged = tuple[Inference, tuple[HeldOutRun, ...], Mapping[str, Fitted], Mapping[
 
 
 def without_refuted(found: Inference, held: Sequence[Experiment]) -> Judged:
-    """(the inference without refuted names, held-out runs, {name: model without it}, {refuted: probability}).
+    """(the inference without refuted names, held-out runs, {name: closest model without it}, {refuted:
+    probability}).
 
     An effect is refuted where the held-out runs together are predicted worse with it than by the other
-    effects refitted, beyond the noise. The residual that it explains has another cause, so explanations with
-    it count as something else. The worst one is removed first, as the others may be right then.
+    effects refitted, beyond the noise, in the metric: what a tolerance allows refutes nothing. The residual
+    that it explains has another cause, so explanations with it count as something else. The worst one is
+    removed first, as the others may be right then.
     """
     refuted: dict[str, float] = {}
     while True:
-        last, whole = found.last, found.last.closest
-        runs = tuple(HeldOutRun.of(run, last.problem.floor, whole) for run in held)
-        names = [named.law.id for named in found.named]
-        plain = last.problem.plain
-        rests = {
-            name: found.none.closest
-            if set(whole.model.ids) == {name}
-            else fit(plain, whole.model.without(name), whole.x)
-            for name in (names if held else ())
-        }
+        last = found.last
+        rests = {named.law.id: _without(found, named.law.id) for named in found.named} if held else {}
         worse = {
-            name: worse_by(*(np.concatenate([run.residual(m) for run in runs]) for m in (rest, whole)))
+            name: worse_by(*(_held_rows(found, e) for e in (rest.fitted, last.fitted)))
             for name, rest in rests.items()
         }
         worst = max(worse, key=lambda name: worse[name], default="")
         if not worst or worse[worst] <= 0.0:
-            return found, runs, rests, refuted
+            runs = tuple(HeldOutRun.of(run, last.problem.floor, last.closest) for run in held)
+            return found, runs, {name: rest.closest for name, rest in rests.items()}, refuted
         refuted[worst] = found.posterior.effects.get(worst, 0.0)
-        rest, now = rests[worst], found.none
-        if rest.model.effects:
-            metric = last.problem
-            now = now.with_explanation(fit(metric, rest.model, rest.x))
         found = replace(
             found,
-            last=now,
+            last=rests[worst],
             posterior=found.posterior.without(worst),
             named=tuple(named for named in found.named if named.law.id != worst),
             families=(),
         )
+
+
+def _without(found: Inference, name: str) -> ModelFit:
+    """The model of the answer without one of its effects, refitted."""
+    last = found.last
+    if set(last.model.ids) - found.none.fitted.model.given == {name}:
+        return found.none
+    closest = fit(last.problem.plain, last.model.without(name), last.closest.x)
+    return replace(last, closest=closest, fitted=fit(last.problem, closest.model, last.fitted.x))
+
+
+def _held_rows(found: Inference, e: Fitted) -> Array:
+    """Residual rows (n,) of all held-out runs, in the metric."""
+    return np.concatenate([run.residual(e.model, e.x) for run in found.held])

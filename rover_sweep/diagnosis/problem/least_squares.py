@@ -19,7 +19,7 @@ within the bounds, found exactly (Stark and Parker 1995), with damping diag(J^T 
 not bring what was expected (Marquardt 1963). After each step the Jacobian takes in how the rows changed
 (Broyden 1965). Where it predicts badly, or nothing more, it is computed again, near the end by differences to
 both sides. A fit is finished when a Jacobian computed at x expects a drop below `FINISHED` of a row's
-variance, a hundredth of a standard deviation. So its result does not depend on the way there.
+variance, a thirtieth of a standard deviation. So its result does not depend on the way there.
 
 The derivatives are those of steadied runs, whose speed has no error (`Experiment.steadied`), at the residual
 of the runs as they are. The runs are steadied again with each Jacobian.
@@ -34,6 +34,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from math import inf
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,8 +53,9 @@ COARSE = 6.0
 """Rows that count as one; with `posterior.weights` it has the best mean log score on drawn rovers."""
 FAR_OFF = 1.5  # mean square of a row from which a fit is far off
 WEAK = 1e-9  # information on a coordinate without a prior, so that a singular problem can be inverted
-FINISHED, ROUGH = 1e-4, 1.0  # drop of the cost over a row's variance below which a fit is finished
+FINISHED, ROUGH = 1e-3, 1.0  # drop of the cost over a row's variance below which a fit is finished
 TRUSTED = 0.25  # share of the expected drop from which a Jacobian serves for one more step
+UNEXPECTED = 0.1  # least share that a new Jacobian expects of the drops that follow, in 300 fits from afar
 LEAST_DAMPING = 1e-3
 FIRST_DAMPING = 0.1  # of a look
 MOST, LOOK = 100, 6  # most steps of a fit, and of a look at where a start leads
@@ -110,22 +112,27 @@ def fit(
     free: Sequence[Coordinate] | None = None,
     known: Fitted | None = None,
     roughly: bool = False,
+    useful: float = inf,
 ) -> Fitted:
     """Least squares over the free coordinates from `start` {coordinate: value}; None: those of the model.
 
     known: a fit nearby, whose derivatives the first steps take for the coordinates that both have. roughly:
-    finished at `ROUGH`.
+    finished at `ROUGH`. useful: a cost above which the fit does not matter; it ends where a new Jacobian
+    expects less than `UNEXPECTED` of the way there.
     """
     free = model.free if free is None else tuple(free)
     x = {**start, **{c.name: float(np.clip(start.get(c.name, c.start), c.low, c.high)) for c in free}}
     least = ROUGH if roughly else FINISHED
     here = _derived(problem, model, free, x, known)
     last, bend = here if known is None else None, np.zeros((len(free), len(free)))
-    fresh, both_sides, damping = known is None, roughly, 0.0
+    fresh, both_sides, damping, unfinished = known is None, roughly, 0.0, roughly
     for _ in range(MOST):
         trial, expected = _step(free, here, damping, bend)
         nothing_left = expected < least * here.variance
         if fresh and nothing_left and both_sides:
+            break
+        if fresh and here.cost - expected / UNEXPECTED > useful:
+            unfinished = True
             break
         if not nothing_left:
             there = here.moved(model, free, trial)
@@ -144,7 +151,7 @@ def fit(
         last = here
     rows = here.rows if fresh else problem.residual(model, here.x)
     cost = float(rows @ rows + _prior_cost(free, here.x))
-    return Fitted(model, here.x, free, cost, rows, here.jacobian, fresh and not roughly)
+    return Fitted(model, here.x, free, cost, rows, here.jacobian, fresh and not unfinished)
 
 
 def first_steps(problem: Problem, model: Model, start: Mapping[str, float], known: Fitted) -> Fitted:
