@@ -29,7 +29,8 @@ from rover_sweep.logs.readers.column_map import (
     read_column_map,
     slope,
 )
-from rover_sweep.logs.readers.tables import RecordedTable, TableStream, is_number, read_table
+from rover_sweep.logs.readers.date_times import is_number
+from rover_sweep.logs.readers.tables import RecordedTable, TableStream, read_table
 
 NEEDED = {"pwm", "delta", "r", "speed"}
 SIGN_CHANGES = {"r", "ay", "vy", "psi", "delta"}  # between FRD and ISO axes

@@ -7,9 +7,7 @@ samples, so that nothing is interpolated before it is needed.
 
 from __future__ import annotations
 
-import csv
 import importlib
-import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, is_dataclass, replace
 from operator import attrgetter, itemgetter
@@ -21,6 +19,8 @@ import numpy as np
 from rover_sweep.data.recording import Array, Note
 from rover_sweep.errors import DataRefused, missing_extra
 from rover_sweep.logs.log import source_of
+from rover_sweep.logs.readers.date_times import NoSuchTime, times_of
+from rover_sweep.logs.readers.text_table import read_text_table
 
 FEWEST_ROWS = 20  # of a topic or a vector; shorter ones are settings
 WIDEST = 32  # columns of a matrix or array; wider ones are maps and pictures
@@ -66,8 +66,8 @@ class TableStream:
         if column not in self.dated:
             cells = self[column]
             try:
-                self.dated[column] = _times(cells) if isinstance(cells, list) else None
-            except _NoSuchTime as wrong:
+                self.dated[column] = times_of(cells) if isinstance(cells, list) else None
+            except NoSuchTime as wrong:
                 raise DataRefused(
                     f"column {column} has {wrong.cell.strip()[:40]!r} in row {wrong.row}, but {wrong.why}; "
                     "correct that row, or remove it"
@@ -157,79 +157,9 @@ def _library(name: str, what: str) -> Any:
 
 
 def _csv(path: Path, notes: list[Note]) -> Iterator[TableStream]:
-    """Rows separated by comma, semicolon or tab, also with a comma as decimal sign and with text above them.
-
-    Columns of a file without a header are column 1, 2, ...
-    """
-    lines = _text(path).splitlines()
-    skipped, delimiter = _layout(lines)
-    first = lines[skipped] if lines else ""
-    if not first.strip():
-        raise DataRefused(f"{path.name} is empty: its first line must name the columns")
-    if skipped and not first.startswith("#"):
-        notes.append(Note("info", f"{path.name}: the names of its columns are in line {skipped + 1}"))
-    try:
-        header, *rows = list(csv.reader(lines[skipped:], delimiter=delimiter, strict=True))
-    except csv.Error as error:  # after an open quote the rest of the file is one cell
-        raise DataRefused(
-            f"{path.name} is not a table of numbers ({error}); is a quote not closed?"
-        ) from error
-    header = [name.strip() for name in header]
-    numbered = [row for row in enumerate(rows, skipped + 2) if row[1]]
-    short = next(((line, len(row)) for line, row in numbered if len(row) != len(header)), None)
-    if short is not None:
-        raise DataRefused(f"{path.name}: line {short[0]} has {short[1]} of {len(header)} columns")
-    rows = [row for _, row in numbered]
-    if delimiter != ",":
-        rows = [[cell.replace(",", ".") if _DECIMAL_COMMA(cell) else cell for cell in row] for row in rows]
-    if all(is_value(name) for name in header) and any(header):
-        rows = [header, *rows]
-        header = [f"column {n}" for n in range(1, len(header) + 1)]
-        notes.append(Note("info", f"{path.name} has no names of columns; they are column 1, column 2, ..."))
-    elif len(rows) > 1 and not any(map(is_value, rows[0])) and any(map(is_value, rows[1])):  # units
-        header = [f"{name} [{unit.strip(' []()')}]" for name, unit in zip(header, rows[0], strict=True)]
-        rows = rows[1:]
-    if not rows:
-        raise DataRefused(f"{path.name} has a header but no rows")
-    yield TableStream(tuple(header), tuple([row[i] for row in rows] for i in range(len(header))))
-
-
-_DECIMAL_COMMA = re.compile(r"\s*[-+]?\d*,\d+(?:[eE][-+]?\d+)?\s*").fullmatch
-PREAMBLE = 50  # lines at most above the names of the columns
-
-
-def _text(path: Path) -> str:
-    """The text of a file in UTF-8, in UTF-16 as of Excel, or in the character set of western Windows."""
-    content = path.read_bytes()
-    try:
-        if content.startswith((b"\xff\xfe", b"\xfe\xff")):
-            return content.decode("utf-16")
-        return content.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        text = content.decode("cp1252", errors="replace")
-        if "\ufffd" not in text and all(sign.isprintable() or sign.isspace() for sign in set(text)):
-            return text
-        raise DataRefused(f"{path.name} is not a text file: {error.reason} at byte {error.start}") from error
-
-
-def _layout(lines: Sequence[str]) -> tuple[int, str]:
-    """(index of the line with the names of the columns, delimiter); above it are comments and text."""
-    sample = [line for line in lines[: 2 * PREAMBLE] if line.strip()]
-    width, delimiter = 0, ","
-    for sign in ";\t,":  # a comma may be the decimal sign between semicolons or tabs
-        widths = [line.count(sign) for line in sample]
-        if width := max(widths, key=widths.count, default=0):
-            delimiter = sign
-            break
-    at = 0
-    while at + 1 < len(lines) and lines[at].startswith("#"):
-        if lines[at + 1].count(delimiter) <= lines[at].count(delimiter):
-            break
-        at += 1
-    below = next((n for n in range(at, min(PREAMBLE, len(lines))) if lines[n].count(delimiter) == width), at)
-    text = all(2 * line.count(delimiter) <= width for line in lines[at:below])
-    names = width and not any(map(is_value, lines[below].split(delimiter)))
-    return (below if text and names else at), delimiter
+    found = read_text_table(path)
+    notes += found.notes
+    yield TableStream(found.names, found.cells)
 
 
 def _floats(cells: list[str]) -> Array | None:
@@ -239,84 +169,6 @@ def _floats(cells: list[str]) -> Array | None:
         except ValueError:
             continue
     return None
-
-
-def is_number(cell: str) -> bool:
-    """True for a number, and for an empty cell."""
-    try:
-        float(cell.strip() or "nan")
-    except ValueError:
-        return False
-    return True
-
-
-def is_value(cell: str) -> bool:
-    """True for a number or a date with a time of day, existing or not; an empty cell is none."""
-    return bool(cell.strip()) and (is_number(cell) or _STAMP.match(cell) is not None)
-
-
-_DATE = r"(?:(?P<day>\d{4}\D\d{1,2}\D\d{1,2}|\d{1,2}\D\d{1,2}\D\d{4})[T\s_,-]+)?"
-_STAMP = re.compile(rf"\s*{_DATE}(?P<h>\d{{1,2}})[:_-](?P<m>\d\d)[:_-](?P<s>\d\d)(?:[.,_:](?P<f>\d+))?")
-
-
-class _NoSuchTime(ValueError):
-    """A cell that is written like a date-time, and is none. why: a clause; row: from 1, below the header."""
-
-    def __init__(self, cell: str, why: str, row: int = 0) -> None:
-        super().__init__(why)
-        self.cell, self.why, self.row = cell, why, row
-
-
-def seconds_of(cell: str) -> float | None:
-    """Seconds of a date-time such as 2024-04-23 13:34:01.638, or of a time of day; None for anything else.
-
-    They count from the date 1970-01-01, without a time zone. ValueError for a date, or a time after a date,
-    that does not exist; second 60 is a leap second. Hours without a date may be those since a start.
-    """
-    found = _STAMP.match(cell)
-    if not found:
-        return None
-    hours, minutes, seconds = int(found["h"]), int(found["m"]), int(found["s"])
-    clock = 3600 * hours + 60 * minutes + seconds
-    possible = minutes < 60 and seconds <= 60
-    fraction = float(f"0.{found['f']}") if found["f"] else 0.0
-    if not found["day"]:
-        return clock + fraction if possible else None
-    if not possible or clock > 86400:  # 24:00:00 exists, and the leap second before it
-        raise _NoSuchTime(cell, f"there is no time {found['h']}:{found['m']}:{found['s']}")
-    return 86400.0 * _day(cell, found["day"]) + clock + fraction
-
-
-def _day(cell: str, text: str) -> int:
-    """Days since 1970 of year-month-day, day-month-year or month-day-year; 0 for a clock without a date."""
-    parts = [int(part) for part in re.split(r"\D", text)]
-    if not any(parts):
-        return 0
-    year_first = re.match(r"\d{4}", text) is not None
-    year, month, date = parts if year_first else (parts[2], parts[1], parts[0])
-    if month > 12 and not year_first:
-        month, date = date, month
-    try:
-        return int(np.datetime64(f"{year:04d}-{month:02d}-{date:02d}").astype(int))
-    except ValueError:
-        raise _NoSuchTime(cell, f"there is no date {text}") from None
-
-
-def _times(cells: list[str]) -> Array | None:
-    if not any(map(_STAMP.match, cells[:FEWEST_ROWS])):
-        return None
-    if any(cell.strip() and not _STAMP.match(cell) for cell in cells):
-        return None
-    found = np.full(len(cells), np.nan)
-    for k, cell in enumerate(cells):
-        try:
-            seconds = seconds_of(cell)
-        except _NoSuchTime as wrong:
-            raise _NoSuchTime(wrong.cell, wrong.why, k + 1) from None
-        if seconds is None and cell.strip():
-            return None
-        found[k] = np.nan if seconds is None else seconds
-    return found
 
 
 def _parquet(path: Path, notes: list[Note]) -> Iterator[TableStream]:
