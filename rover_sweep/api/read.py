@@ -271,13 +271,14 @@ class Reading:
 
     filters: {"gyro_hz", "accel_hz"} [Hz] that replace the recorded low-passes of the sensors.
     system: MAVLink id of the vehicle in a .tlog that holds several. servo: use the measured position of the
-    servo as the steering, not its command.
+    servo as the steering, not its command. words: the options that say so on a command line, for a next step.
     """
 
     columns: Mapping[str, Any] | str | None = None
     filters: Mapping[str, float] | None = None
     system: int | None = None
     servo: bool = False
+    words: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False, repr=False)

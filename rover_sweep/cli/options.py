@@ -232,8 +232,21 @@ OUTPUT = option("File to write. [default: stdout]", metavar="FILE", flag="-o --o
 SEED = option("Random seed of noise and road.", click.IntRange(0), default=1)
 
 
+RATE = option("Rate of the rows of a file without a clock.", NumberRange(0.1), "HZ")
+
+
+def with_rate(columns: str | None, rate: float | None) -> str | Mapping[str, Any] | None:
+    """The column map to read with: that of a file, whose clock is replaced by even samples at a rate [Hz]."""
+    if rate is None:
+        return columns
+    from rover_sweep.logs.readers.column_map import read_column_map
+
+    return {**(read_column_map(columns) if columns else {}), "time": {"rate": rate}}
+
+
 def _reading(
     columns: str | None = option("Column map of other systems' files (TOML; see `columns`).", FILE),
+    rate: float | None = RATE,
     system: int | None = option(
         "MAVLink system id of the vehicle, if a .tlog contains several.", click.IntRange(1, 255), "N"
     ),
@@ -250,9 +263,13 @@ def _reading(
     from rover_sweep.api.read import Reading
 
     filters = {"gyro_hz": gyro_filter, "accel_hz": accel_filter}
-    return Reading(
-        columns, {k: v for k, v in filters.items() if v is not None} or None, system, servo_telemetry
-    )
+    kept = {k: v for k, v in filters.items() if v is not None} or None
+    return Reading(with_rate(columns, rate), kept, system, servo_telemetry, _words(columns, rate))
+
+
+def _words(columns: str | None, rate: float | None) -> tuple[str, ...]:
+    even = () if rate is None else ("--rate", f"{rate:g}")
+    return (*(("--columns", columns) if columns else ()), *even)
 
 
 READING = gathered(_reading)

@@ -19,8 +19,9 @@ from rover_sweep.cli.main import cli
 from rover_sweep.data.recording import Array
 from rover_sweep.errors import DataRefused, UsageError
 from rover_sweep.logs.read import read_logs
+from rover_sweep.logs.readers.column_lines import FoundColumn
 from rover_sweep.logs.readers.date_times import seconds_of
-from rover_sweep.logs.readers.guessed_columns import ColumnGuess, FoundColumn, guess_columns
+from rover_sweep.logs.readers.guessed_columns import ColumnGuess, guess_columns
 from rover_sweep.logs.readers.tables import read_table
 
 LENGTH, WHEELBASE, BEGAN = 60.0, 0.33, 1_650_000_000.0  # s, m, s since 1970

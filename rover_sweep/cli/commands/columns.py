@@ -6,7 +6,7 @@ import shlex
 
 import click
 
-from rover_sweep.cli.options import argument, option, options, refuse_input, write_text
+from rover_sweep.cli.options import RATE, argument, option, options, refuse_input, write_text
 from rover_sweep.errors import UsageError
 
 CORRECT = "to correct the map, write it with --out columns.toml"
@@ -17,6 +17,7 @@ CORRECT = "to correct the map, write it with --out columns.toml"
 def columns(
     files: tuple[str, ...] = argument("FILE...", nargs=-1, required=True),
     out: str = option("Column map to write (TOML). [default: stdout]", metavar="FILE", default="-"),
+    rate: float | None = RATE,
 ) -> None:
     """Find time, steering, yaw rate, speed and accelerations in FILEs that another system recorded.
 
@@ -39,7 +40,7 @@ def columns(
         raise UsageError(f"{others[0]} {as_it_is if own else f'cannot be read; give {READ}'}")
     refuse_input(out, *paths)
     with long_work("comparing the columns"):
-        guess = guess_columns(read_table(paths))
+        guess = guess_columns(read_table(paths), rate or 0.0)
     given = shlex.join(["+".join(files), "--columns", "columns.toml" if out == "-" else out])
     command = f"rover-sweep identify {given} --out report"
     head = f"# Column map of {guess.table}, from its names and values: correct it (keys: docs/formats.md)\n"
@@ -48,5 +49,6 @@ def columns(
         advice = guess.obstacle or "complete the commented lines"
         echo(f"not found: {', '.join(guess.missing)}; {advice}", err=True)
     else:
-        plain = f"rover-sweep identify {shlex.quote('+'.join(files))} --out report"
+        even = f" --rate {rate:g}" if rate else ""
+        plain = f"rover-sweep identify {shlex.quote('+'.join(files))}{even} --out report"
         say_next(*((plain, CORRECT) if out == "-" else (command,)))

@@ -173,7 +173,7 @@ def identify(
         full,
         structures=own,
         units=units,
-        again=shlex.join([*again, *(("--columns", str(reading.columns)) if reading.columns else ())]),
+        again=shlex.join([*again, *reading.words]),
     )
     add_steering(speed, Path(out))
 

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from itertools import product
+from itertools import islice, product
 from math import log, pi, sqrt
 from typing import Any
 
@@ -16,45 +15,25 @@ from scipy.signal import butter, filtfilt
 
 from rover_sweep.data.recording import Array
 from rover_sweep.logs.log import increasing
+from rover_sweep.logs.readers.column_lines import FoundColumn
 from rover_sweep.logs.readers.column_map import FACTORS, heading_of, slope
-from rover_sweep.logs.readers.column_names import is_degrees, name_weight, says_anything, unit_in, words_of
+from rover_sweep.logs.readers.column_names import (
+    is_arrival,
+    is_degrees,
+    name_weight,
+    says_anything,
+    unit_in,
+    words_of,
+)
 from rover_sweep.logs.readers.tables import FEWEST_ROWS, RecordedTable, TableStream
 
+MOST_CLOCKS, MOST_TRIED = 3, 100  # clocks of a stream, and sets of one for each stream, that are tried
+LATE = 0.5  # of a weight, by which a time of arrival is a worse clock than a stamp of the measurement
 GRID_HZ, LONGEST = 20.0, 16_000  # of the common grid on which columns are compared; samples
 SMOOTH_HZ = 2.0
 MOST = 150  # columns of which all are compared; of more, those whose names say something
 SHORTEST = 5.0  # s, of a recorded drive
 EVERY = 5  # samples of the grid between two means
-
-
-@dataclass(frozen=True)
-class FoundColumn:
-    """A line of the column map. channel: its key; entry: its value, None where it stays undecided.
-
-    certainty: "certain", "likely" or "a guess". also: lines to write instead of it, as comments.
-    """
-
-    channel: str
-    entry: Any
-    certainty: str
-    reason: str
-    also: tuple[str, ...] = ()
-
-    def lines(self) -> Iterator[str]:
-        """Its text in the map."""
-        yield f"# {self.certainty}: {self.reason}" if self.entry is not None else f"# {self.reason}"
-        if self.entry is not None:
-            yield f"{self.channel} = {toml_value(self.entry)}"
-        yield from (f"# {line}" for line in self.also)
-
-
-def toml_value(value: Any) -> str:
-    """A value of the map as TOML."""
-    if isinstance(value, Mapping):
-        return "{" + ", ".join(f"{k} = {toml_value(v)}" for k, v in value.items()) + "}"
-    if isinstance(value, list):
-        return "[" + ", ".join(map(toml_value, value)) + "]"
-    return json.dumps(value, ensure_ascii=False)
 
 
 Clock = tuple[Array, FoundColumn]
@@ -65,19 +44,28 @@ def _clock(time: Array, entry: Any, certainty: str, reason: str) -> Clock:
     return time, FoundColumn("time", entry, certainty, reason)
 
 
-def _clock_of(stream: TableStream) -> Clock | None:
+def _clocks_of(stream: TableStream) -> list[Clock]:
+    """The columns that may be the clock of a stream, best first: stamps of measurements before arrivals."""
     if stream.time is not None:
-        return _clock(stream.time, None, "certain", "stamps of the file")
+        return [_clock(stream.time, None, "certain", "stamps of the file")]
     found = [c for name in stream.names if (c := _as_clock(stream, name))]
-    if not found:
-        return None
-    best, clock = max(found, key=lambda pair: pair[0])
-    return clock
+    return [clock for _, clock in sorted(found, key=lambda pair: -pair[0])[:MOST_CLOCKS]]
+
+
+def _common_clocks(streams: Sequence[TableStream]) -> dict[int, Clock]:
+    """The best clock of each stream that has one, of those by which all streams have a time in common."""
+    tried = {n: clocks for n, stream in enumerate(streams) if (clocks := _clocks_of(stream))}
+    chosen = {n: clocks[0] for n, clocks in tried.items()}
+    for clocks in islice(product(*tried.values()), MOST_TRIED if tried else 0):
+        known = [t[np.isfinite(t)] for t, _ in clocks]
+        if max(t[0] for t in known) < min(t[-1] for t in known):
+            return dict(zip(tried, clocks, strict=True))
+    return chosen
 
 
 def _as_clock(stream: TableStream, name: str) -> tuple[float, Clock] | None:
     """(how well, the clock) of a column that may be the time."""
-    weight = name_weight("time", name)
+    weight = name_weight("time", name) - LATE * is_arrival(name)
     if (t := stream.times(name)) is not None:
         if not _rises(t) or np.mean(np.diff(t[np.isfinite(t)]) > 0) < 0.05:  # of trials, or of whole seconds
             return None
@@ -104,31 +92,52 @@ def _as_clock(stream: TableStream, name: str) -> tuple[float, Clock] | None:
     certainty = "certain" if weight and sure else "likely" if weight else "a guess"
     reason = f"it rises in {'even' if even > 0.9 else 'uneven'} steps, {_rate(t)}"
     reason += "" if unit == "s" else f" if it is in {unit}"
+    arrived = "; it is the time of arrival or of the export, as no stamp of the measurement fits"
+    reason += arrived if is_arrival(name) else ""
     return weight + 0.5 * even + 0.3 * float(np.mean(steps > 0)), _clock(t, entry, certainty, reason)
 
 
-BLOCKS = 25, 100, 500  # samples, over which columns without a clock are compared
+BLOCK = 25  # rows, over which columns without a clock are compared
+NOMINAL_HZ = 50.0  # of rows without a clock, where nothing suggests their rate: only shapes are compared then
+AGREE = 0.2  # of a rate, by which two suggestions of it may differ
 
 
-def _even_samples(stream: TableStream) -> Clock | None:
-    """The rate of a stream without a clock, from two columns of which one is the other's integral."""
-    columns = [(n, x) for n in stream.names if (x := stream.numbers(n)) is not None and np.ptp(x) > 0]
-    whole = [(n, np.unwrap(x) if _period(x) else x) for n, x in columns if np.isfinite(x).all()]
-    best = 0.95, 0.0, "", ""
-    for (name, x), (other, y), block in product(whole, whole, BLOCKS):
-        change = np.diff(x[::block])
-        if name == other or change.size < FEWEST_ROWS:
-            continue
-        total = np.add.reduceat(_within(y), np.arange(0, y.size, block))[: change.size]
-        step, share = relation(_within(change), total)
-        if share > best[0] and 1e-4 < abs(step) < 1.0:
-            best = share, abs(step) / sqrt(share), name, other
-    share, step, name, other = best
-    if not step:
-        return None
-    rate = float(f"{1 / step:.2g}")
-    reason = f"no column is a clock; at {rate:g} Hz, {name} is the integral of {other}, in SI units"
-    return _clock(np.arange(len(stream)) / rate, {"rate": rate}, "likely", reason)
+def even_clock(rows: int, rate: float) -> Clock:
+    """Even samples at a rate [Hz] that was given."""
+    return _clock(np.arange(rows) / rate, {"rate": rate}, "certain", "as given")
+
+
+def _suggested_rates(stream: TableStream) -> Iterator[tuple[float, str]]:
+    """(rate [Hz], why) of a stream without a clock: a guess, as its columns may be in any unit.
+
+    A heading is the integral of a yaw rate, and a position that of a speed, if their names say so.
+    """
+    x = {n: x for n in stream.names if (x := stream.numbers(n)) is not None and np.isfinite(x).all()}
+    x = {n: values for n, values in x.items() if np.ptp(values) > 0 and values.size >= FEWEST_ROWS * BLOCK}
+    turning, moving = (max(x, key=lambda n: name_weight(role, n), default="") for role in ("r", "speed"))
+    heading = max(x, key=lambda n: name_weight("psi", n), default="")
+    if heading and name_weight("psi", heading) >= 0.6 and name_weight("r", turning) >= 0.3:
+        period = _period(x[heading])
+        psi = np.unwrap(x[heading], period=period) if period else x[heading]
+        if rate := _integrated(np.diff(psi[::BLOCK]), x[turning]):
+            yield rate, f"{heading} is the integral of {turning}"
+    places = [next((n for n in x if words_of(n).split()[-1:] == [axis]), "") for axis in "xy"]
+    if all(places) and name_weight("speed", moving) >= 0.5:
+        way = np.hypot(*(np.diff(x[n][::BLOCK]) for n in places))
+        if rate := _integrated(way, np.abs(x[moving])):
+            yield rate, f"{', '.join(places)} moves as {moving} says"
+
+
+def _integrated(change: Array, slope_of_it: Array) -> float:
+    """Rate [Hz] of rows: change (m,) is that in blocks of what slope_of_it (n,) is the slope of; 0 if not."""
+    total = np.add.reduceat(slope_of_it, np.arange(0, slope_of_it.size, BLOCK))[: change.size]
+    use = np.ones(change.size, bool)
+    share = step = 0.0
+    for _ in range(10):  # without the blocks with spikes or jumps
+        step, offset, share = _line(change[use], total[use])
+        error = np.abs(change - step * total - offset)
+        use = error <= 4 * np.median(error[use]) + 1e-12
+    return float(f"{sqrt(share) / abs(step):.2g}") if share > 0.9 else 0.0
 
 
 def _is_nanoseconds(stream: TableStream, name: str) -> bool:
@@ -173,7 +182,9 @@ class ColumnGrid:
 
     period: {column: 2 pi or 360} of columns that jump by it. held: share of repeated samples. made: {title:
     entry in the map} of what is made of several columns. unchanged: constant columns, which are left out.
-    mean, mean_dot: x and dot as `means`.
+    mean, mean_dot: x and dot as `means`. clockless: no column is a clock, and no rate was given. timed: False
+    where the scale of the time is unknown, and with it that of every slope. suggested: (rate [Hz], why),
+    guesses for rows without a clock.
     """
 
     raw: dict[str, Array] = field(default_factory=dict)
@@ -185,6 +196,9 @@ class ColumnGrid:
     clocks: dict[int, Clock] = field(default_factory=dict)
     made: dict[str, dict[str, Any]] = field(default_factory=dict)
     unchanged: list[str] = field(default_factory=list)
+    clockless: bool = False
+    timed: bool = True
+    suggested: list[tuple[float, str]] = field(default_factory=list)
     mean: dict[str, Array] = field(default_factory=dict)
     mean_dot: dict[str, Array] = field(default_factory=dict)
 
@@ -232,14 +246,22 @@ def _within(x: Array) -> Array:
     return np.clip(x, 2 * low - high, 2 * high - low) if high > low else x
 
 
-def gridded(table: RecordedTable) -> ColumnGrid:
-    """The columns of numbers that change, on one grid over the time that most of them have in common."""
+def gridded(table: RecordedTable, rate: float = 0.0) -> ColumnGrid:
+    """The columns of numbers that change, on one grid over the time that most of them have in common.
+
+    rate: of the rows [Hz], where no column is their clock; 0 if it is unknown.
+    """
     found = ColumnGrid()
     columns: list[tuple[str, Array, Array, int]] = []
-    clocks = {n: c for n, stream in enumerate(table.streams) if (c := _clock_of(stream))}
+    clocks = {} if rate else _common_clocks(table.streams)
     if not clocks:
         longest = max(range(len(table.streams)), key=lambda n: len(table.streams[n]))
-        clocks = {longest: c} if (c := _even_samples(table.streams[longest])) else {}
+        stream = table.streams[longest]
+        found.suggested = [] if rate else list(_suggested_rates(stream))
+        rates = [hz for hz, _ in found.suggested]
+        found.clockless = not rate
+        found.timed = bool(rate) or bool(rates and max(rates) < (1 + AGREE) * min(rates))
+        clocks = {longest: even_clock(len(stream), rate or (rates[0] if found.timed else NOMINAL_HZ))}
     twice = {name for name in table.header if table.header.count(name) > 1}
     crowded = len(table.header) > MOST
     for number, clock in clocks.items():

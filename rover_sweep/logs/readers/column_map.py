@@ -163,6 +163,13 @@ def own_names(header: Sequence[str]) -> Mapping[str, Any] | None:
     return own if needed else None
 
 
+def rate_alone(given: Mapping[str, Any] | None) -> float:
+    """The rate [Hz] of a map that gives nothing else, so that the columns are to be found; else 0."""
+    if given is None or set(given) != {"time"} or not isinstance(given["time"], Mapping):
+        return 0.0
+    return _clock(given["time"], ()).rate if set(given["time"]) == {"rate"} else 0.0
+
+
 def read_column_map(path: str) -> Mapping[str, Any]:
     """The map in a TOML file; UsageError where it is none."""
     try:

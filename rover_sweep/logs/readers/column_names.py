@@ -41,7 +41,8 @@ _PATTERNS: dict[str, tuple[tuple[str, float], ...]] = {
     "ay": (
         (r"\bvehicle acceleration xyz 1\b", 1.0),
         (r"\b(a|acc|accel|acceleration|linear acceleration|imu) ?y\b|\by ?(acc|accel)\b", 1.0),
-        (r"\blat(eral)? ?(acc|accel|acceleration|g)\b|\blat g\b|\ba ?lat\b|\bquerbeschleunigung\b", 1.0),
+        (r"\blat(eral)? ?(acc|accel|acceleration|g)\b|\blat g\b|\bg force lat\w*\b", 1.0),
+        (r"\ba ?lat\b|\bquerbeschleunigung\b", 1.0),
     ),
     "ax": (
         (r"\bvehicle acceleration xyz 0\b", 1.0),
@@ -71,6 +72,7 @@ _MEASURED = re.compile(
 _SENT = re.compile(
     r"\b(drive steering angle|rc|joy\w*|stick|soll|rcou|output|actuator (servos|controls|outputs)( \d)?)\b"
 )
+_ARRIVAL = re.compile(r"\b(arriv\w*|receiv\w*|rosbag ?time\w*|bag ?time\w*|log ?time|recorded|exported)\b")
 _NOT = {
     "steering": re.compile(r"\b(rate|torque|vel|velocity|speed|dot|delta ?delta|d delta|effort|current)\b"),
     "speed": re.compile(
@@ -92,6 +94,8 @@ UNIT_WORDS: dict[str, str] = {  # in brackets or as the last word of a name: the
     **dict.fromkeys(("m s", "mps", "ms 1"), "m/s"),
     **dict.fromkeys(("m s 2", "m s2", "m s^2", "mps2", "ms2", "mss", "m s s"), "m/s^2"),
     **dict.fromkeys(("rpm", "erpm", "1 min", "u min"), "rpm"),
+    **dict.fromkeys(("ft s", "fps", "ft sec"), "ft/s"),
+    **dict.fromkeys(("ft s 2", "ft s2", "ft s^2", "fps2"), "ft/s^2"),
     "g": "g",
     "us": "us",
     "usec": "us",
@@ -107,22 +111,30 @@ UNIT_WORDS: dict[str, str] = {  # in brackets or as the last word of a name: the
 def words_of(name: str) -> str:
     """The name in lower-case words: "angX" and "ang_x" are "ang x", "/imu.linear.z" is "imu linear z"."""
     apart = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", name)
-    return re.sub(r"[^a-z0-9^°]+", " ", apart.lower()).strip()
+    words = re.sub(r"[^a-z0-9^°]+", " ", apart.lower()).strip()
+    return words.replace("gyroscope", "gyro").replace("accelerometer", "accel")  # as phones call them
 
 
 def name_weight(role: str, name: str) -> float:
     """0 to 1: how much a column's name says that it has this role."""
     words = re.sub(r"\b(rad|deg|degs|m|s|g|us|km h|kmph)$", "", words_of(without_unit(name))).strip()
     words = words or words_of(name)
-    if (wrong := _NOT.get(role)) and wrong.search(words):
-        return 0.0
-    joined = max((weight for p, weight in _PATTERNS[role] if re.search(p, words)), default=0.0)
     last = words_of(re.split(r"[./]", without_unit(name))[-1])
-    own = max((weight for p, weight in _PATTERNS[role] if re.search(p, last)), default=0.0)
-    found = max(0.8 * joined, own)
+    found = max(0.8 * _weight(role, words), _weight(role, last))
     if role == "r" and "odom" in words:  # often computed from the steering
         found *= 0.6
     return found * (0.5 if role not in ("steering", "time") and is_commanded(name) else 1.0)
+
+
+def _weight(role: str, words: str) -> float:
+    if (wrong := _NOT.get(role)) and wrong.search(words):
+        return 0.0
+    return max((weight for p, weight in _PATTERNS[role] if re.search(p, words)), default=0.0)
+
+
+def is_arrival(name: str) -> bool:
+    """True for the time at which a message was received, recorded or exported: later than its stamp."""
+    return name.endswith("%time") or bool(_ARRIVAL.search(words_of(name)))
 
 
 def is_another(role: str, name: str) -> bool:

@@ -10,55 +10,41 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from math import acos, degrees, log, sqrt
+from math import acos, degrees, sqrt
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from rover_sweep.data.recording import Array
 from rover_sweep.data.results import NORMAL_90
 from rover_sweep.errors import DataRefused, UsageError
 from rover_sweep.logs.log import disorder
-from rover_sweep.logs.readers.column_grid import (
-    GRID_HZ,
-    ColumnGrid,
-    FoundColumn,
-    gridded,
-    relation,
-    toml_value,
-)
-from rover_sweep.logs.readers.column_map import FACTORS
-from rover_sweep.logs.readers.column_names import (
-    is_another,
-    is_commanded,
-    is_numbered,
-    is_rotation,
-    name_weight,
-    origin_in,
-    unit_in,
-)
+from rover_sweep.logs.readers.column_grid import EVERY, GRID_HZ, ColumnGrid, gridded, means, relation
+from rover_sweep.logs.readers.column_lines import FoundColumn, certainty_of, column_entry, toml_value
+from rover_sweep.logs.readers.column_map import FACTORS, UNITS
+from rover_sweep.logs.readers.column_names import is_another, is_rotation, name_weight, unit_in
 from rover_sweep.logs.readers.motion_columns import (
     LINK,
     SPEED_UNITS,
     UNRECORDED,
     WEAK,
     MotionColumns,
+    acceleration_units,
     direction,
     motion_columns,
-    moving_parts,
     other_speed,
-    speed_is_known,
     yaw_rate_of,
+)
+from rover_sweep.logs.readers.steering_columns import (
+    NAMED,
+    steering_candidates,
+    steering_lines,
+    steering_unit,
 )
 from rover_sweep.logs.readers.tables import FEWEST_ROWS, RecordedTable
 
-NAMED = 0.7  # weight of a name that says the role
-LAGS = range(-4, 13)  # steps of the grid from steering to yaw rate
+PART = 6.0  # s, parts of a drive in which a speed that was not recorded is compared
+SAME_SPEED = 0.2  # share by which it may change and still count as constant
 BLOCK = 5.0  # s, beyond which what a scale is fitted to counts as independent
-LENGTHS = 0.1, 4.5  # m, of wheelbases
-STEEPEST = 0.8  # rad, largest angle of a road wheel
-RATIO_UNKNOWN = "identify with --wheelbase finds it, as steering_ratio; models need it as scale"
 
 
 @dataclass(frozen=True)
@@ -82,6 +68,10 @@ class ColumnGuess:
         """The column map; UsageError where a needed column was not found, DataRefused where none can be."""
         if self.missing and self.obstacle:
             raise DataRefused(f"{self.table}: {self.obstacle}")
+        if self.missing == ("time",):
+            raise UsageError(
+                f"{self.table} has no clock: {self.found[0].reason}. Give the rate of its rows with --rate HZ"
+            )
         if self.missing:
             raise UsageError(
                 f"{self.table} needs a column map: no column was found for {', '.join(self.missing)}; write "
@@ -113,18 +103,21 @@ class ColumnGuess:
         return "\n".join(line for found in self.found for line in found.lines()) + "\n"
 
 
-def guess_columns(table: RecordedTable) -> ColumnGuess:
-    """The roles of a table's columns, each with its certainty and reasons."""
-    grid = gridded(table)
+def guess_columns(table: RecordedTable, rate: float = 0.0) -> ColumnGuess:
+    """The roles of a table's columns, each with its certainty and reasons.
+
+    rate: of the rows [Hz], where no column is their clock; 0 if it is unknown.
+    """
+    grid = gridded(table, rate)
     motion = motion_columns(grid)
     found: list[FoundColumn] = []
     missing: list[str] = []
     if motion.r and motion.speed:
-        tried, why = _steered(grid, motion)
+        tried, why = steering_candidates(grid, motion)
         _, name, share, gain, *_ = tried[0] if tried else (0.0, "", 0.0, 0.0)
-        angle = share > 0.2 and _steering_unit(grid, name, gain)[0] == "delta"
+        angle = share > 0.2 and steering_unit(grid, name, gain)[0] == "delta"
         back = direction(grid, motion, gain if angle else 0.0)
-        steering = list(_steering_lines(grid, motion, tried, why, back[0]))
+        steering = list(steering_lines(grid, motion, tried, why, back[0]))
         steered = any(s.channel in ("delta", "pwm") and s.certainty == "certain" for s in steering)
         found += [*_motion_lines(grid, motion, steered, back), *steering, *_other_lines(grid, motion)]
         if motion.r.startswith("path ") and share < WEAK:  # of positions that are too coarse
@@ -133,18 +126,38 @@ def guess_columns(table: RecordedTable) -> ColumnGuess:
             found = [replace(f, entry=None, reason=reason) if f.channel == "r" else f for f in found]
         if table.name.endswith(".ulg") and not motion.turned:
             found.append(FoundColumn("axes", "frd", "certain", "PX4 logs forward, right and down"))
+    else:
+        found += _named_lines(grid)
     for channels, title in ((("delta", "pwm"), "steering"), (("r",), "yaw rate"), (("speed",), "speed")):
         if not any(line.channel in channels and line.entry is not None for line in found):
             missing.append(title)
             if not any(line.channel in channels for line in found):
                 found.append(_undecided(channels[0], title, table))
     clock = _clock_lines(grid, table, found)
-    if not clock.entry and any(s.time is None for s in table.streams):
+    if clock.entry is None and clock.certainty != "certain":
         missing.insert(0, "time")
     first = [] if clock.entry is None and clock.certainty == "certain" else [clock]
     return ColumnGuess(
         table.name, (*first, *found, *_mark_lines(table, grid)), tuple(missing), _obstacle(table, grid)
     )
+
+
+def _named_lines(grid: ColumnGrid) -> Iterator[FoundColumn]:
+    """What names alone say, where the yaw rate or the speed that would confirm them is missing."""
+    for channel, role in (("r", "r"), ("speed", "speed"), ("delta", "steering"), ("ay", "ay")):
+        names = [n for n in grid.dot if n not in grid.made and not is_another(role, n)]
+        name = max(names, key=lambda n: name_weight(role, n), default="")
+        if not name or name_weight(role, name) < NAMED:
+            continue
+        more: Mapping[str, Any] = {}
+        if role == "steering":
+            channel, more, words = steering_unit(grid, name, 0.0)
+        else:
+            told = unit_in(name)
+            words = f"unit {told or 'undecided'}"
+            more = {"unit": told} if told in FACTORS[UNITS[channel]] and told != UNITS[channel] else {}
+        reason = f"its name; no other channel of the file confirms it; {words}"
+        yield FoundColumn(channel, column_entry(name, "", "", more), "likely", reason)
 
 
 def _obstacle(table: RecordedTable, grid: ColumnGrid) -> str:
@@ -155,13 +168,13 @@ def _obstacle(table: RecordedTable, grid: ColumnGrid) -> str:
     twice = [name for name in table.header if table.header.count(name) > 1]
     if twice:
         return f"it has {table.header.count(twice[0])} columns {twice[0]}; rename all but one"
-    known = [t[np.isfinite(t)] for t, _ in grid.clocks.values()]
+    known = [] if grid.clockless else [t[np.isfinite(t)] for t, _ in grid.clocks.values()]
     if len(known) > 1 and max(t[0] for t in known) >= min(t[-1] for t in known):
         return (
             "its parts were recorded at no common time by their clocks; are they of one drive, and the times "
             "in one unit?"
         )
-    for name in (n for n in table.header if not grid.clocks and name_weight("time", n) >= 0.6):
+    for name in (n for n in table.header if grid.clockless and name_weight("time", n) >= 0.6):
         dates = table.of(name).times(name)
         t = table.of(name).numbers(name) if dates is None else dates
         if t is not None and (back := disorder(f"column {name}", t)):
@@ -188,15 +201,26 @@ def _clock_lines(grid: ColumnGrid, table: RecordedTable, found: Sequence[FoundCo
     numbers = [n for n, s in enumerate(table.streams) if used & set(s.names) and n in grid.clocks]
     clocks = [grid.clocks[n][1] for n in numbers or list(grid.clocks)[:1]]
     own = [c for c in clocks if c.entry is not None]
+    if grid.clockless:
+        return _no_clock(grid)
     if not own:
-        if any(s.time is not None for s in table.streams):
-            return FoundColumn("time", None, "certain", "stamps of the file")
-        reason = "not found: no column rises evenly like a clock; of even samples, write their rate"
-        return FoundColumn("time", None, "", reason, ("time = {rate = 100}  # Hz",))
+        return FoundColumn("time", None, "certain", "stamps of the file")
     entry = own[0].entry if len(own) == 1 else [c.entry for c in own]
     reason = "; ".join(dict.fromkeys(c.reason for c in own))
     weakest = max((c.certainty for c in own), key=("certain", "likely", "a guess").index)
     return FoundColumn("time", entry, weakest, reason)
+
+
+def _no_clock(grid: ColumnGrid) -> FoundColumn:
+    """The line of the time of rows without a clock: what suggests their rate is a guess, and is not used."""
+    reason = "no column rises evenly like a clock"
+    if not grid.suggested:
+        return FoundColumn("time", None, "", reason, ("time = {rate = ?}  # Hz, of even samples",))
+    words = ", and ".join(f"at {rate:g} Hz, {why}" for rate, why in grid.suggested)
+    guess = "a guess" if grid.timed else "two guesses that disagree"
+    reason = f"{reason}; {guess}: {words}, if these are in SI units"
+    lines = tuple(f"time = {{rate = {rate:g}}}  # Hz, a guess" for rate, _ in grid.suggested)
+    return FoundColumn("time", None, "", reason, lines)
 
 
 def _named(entry: Any) -> set[str]:
@@ -248,26 +272,32 @@ def _motion_lines(
     elif made:
         entry = {"heading": motion.r, **({"unit": "deg"} if unit == "deg/s" else {}), **scale}
     else:
-        entry = _entry(of or motion.r, unit, "rad/s", scale)
+        entry = column_entry(of or motion.r, unit, "rad/s", scale)
     sure = len(reasons) - 1 - motion.turned
     other = "deg/s" if unit == "rad/s" else "rad/s"
-    also = (f"r = {toml_value(_entry(of or motion.r, other, '', scale))}",) if not (known or made) else ()
-    yield FoundColumn("r", entry, _certainty(sure if known else min(sure, 2)), "; ".join(reasons), also)
+    also = (
+        (f"r = {toml_value(column_entry(of or motion.r, other, '', scale))}",) if not (known or made) else ()
+    )
+    yield FoundColumn("r", entry, certainty_of(sure if known else min(sure, 2)), "; ".join(reasons), also)
 
     yield _speed_line(grid, motion, steered, back)
     if motion.ay:
         k, share = links["V r"]
         sign = {"scale": -1} if ((k < 0) != motion.turned) != back[0] else {}
         mounted = grid.made.get(motion.ay)
-        entry = _entry(mounted or motion.ay, units["ay"], "m/s^2", sign)
+        entry = column_entry(mounted or motion.ay, units["ay"], "m/s^2", sign)
         words = f"V r explains {100 * share:.0f} % of it{', sign changed to that of V r' if sign else ''}"
         turned = ", of all directions across gravity the one that fits" if mounted else ""
         words += turned or ("" if name_weight("ay", motion.ay) else ", so the sensor is mounted turned")
-        if share > WEAK:
-            yield FoundColumn("ay", entry, "certain" if share > LINK else "likely", f"{words}; {units['ay']}")
-        else:
+        if share < WEAK:
             reason = f"not decided: {motion.ay} is named like the lateral acceleration, but {words}"
             yield FoundColumn("ay", None, "", reason, (f"ay = {toml_value(entry)}",))
+        elif len(possible := acceleration_units(grid, motion)) > 1:
+            also = (column_entry(mounted or motion.ay, unit, "m/s^2", sign) for unit in possible)
+            reason = f"{words}; its unit is undecided: {' or '.join(possible)}"
+            yield FoundColumn("ay", None, "", reason, tuple(f"ay = {toml_value(each)}" for each in also))
+        else:
+            yield FoundColumn("ay", entry, "certain" if share > LINK else "likely", f"{words}; {units['ay']}")
 
 
 def _speed_line(
@@ -282,10 +312,7 @@ def _speed_line(
         also = f"speed = {{column = {toml_value(turns)}, scale = ?}}  # m/s each; wheel in rpm: 2 pi R/60"
         return FoundColumn("speed", None, "", f"not found: speed; {words}", (also,))
     if name == UNRECORDED:
-        ratio = abs(k) * FACTORS["m/s^2"][motion.units["ay"]] / FACTORS["rad/s"][motion.units["r"]]
-        constant = f"; {motion.ay} over the yaw rate says {ratio:.3g}" if share > WEAK else ""
-        reason = f"not found: speed; where it was constant, write its number in m/s{constant}"
-        return FoundColumn("speed", None, "", reason, (f"speed = {ratio if constant else 2.4:.3g}",))
+        return _no_speed(grid, motion)
     reasons = ["its name"] if name_weight("speed", name) >= 0.3 and not made else []
     if "column" in made:
         by, scale = "position" if "position" in links else "V r", made["scale"]
@@ -309,19 +336,42 @@ def _speed_line(
         less = toml_value({**made, "scale": 0.9 * made["scale"]})
         sure, also = False, [f"speed = {less}  # if a_y has 10 % of roll in it"]
     whole = {**made, "scale": made.get("scale", 1.0) * sign.get("scale", 1)} if made and sign else made
-    entry = whole or _entry(name, unit, "m/s", sign)
+    entry = whole or column_entry(name, unit, "m/s", sign)
     words = "; ".join([*reasons, f"unit {unit}" + ("" if sure else ", not certain")])
     return FoundColumn(
-        "speed", entry, _certainty(len(reasons) - bool(back[1])), words, () if sure else tuple(also)
+        "speed", entry, certainty_of(len(reasons) - bool(back[1])), words, () if sure else tuple(also)
     )
 
 
-def _entry(name: str | dict[str, Any], unit: str, own: str, more: Mapping[str, Any]) -> Any:
-    """Of a column, or of what several columns make."""
-    extra = {**({"unit": unit} if unit != own else {}), **more}
-    if isinstance(name, dict):
-        return {**name, **extra}
-    return {"column": name, **extra} if extra else name
+def _no_speed(grid: ColumnGrid, motion: MotionColumns) -> FoundColumn:
+    """The line of a speed that was not recorded. a_y over the yaw rate proposes one if it stays the same."""
+    reason = "not found: speed; where it was constant, write its number in m/s"
+    k, share = motion.links.get("V r", (0.0, 0.0))
+    unknown = FoundColumn("speed", None, "", reason, ("speed = ?",))
+    if share < WEAK:
+        return unknown
+    to_si = FACTORS["m/s^2"][motion.units["ay"]] / FACTORS["rad/s"][motion.units["r"]]
+    low, middle, high = (abs(ratio) * to_si for ratio in _ratios(grid, motion, k))
+    if high > (1 + SAME_SPEED) * low:
+        words = f"{motion.ay} over the yaw rate says that it varied, {low:.3g} to {high:.3g} m/s"
+        return replace(unknown, reason=f"not found: speed; {words}: a column of it is needed")
+    own = FACTORS["m/s^2"][motion.units["ay"]]
+    found = [(f"{middle * FACTORS['m/s^2'][u] / own:.3g}", u) for u in acceleration_units(grid, motion)]
+    says = " or ".join(f"{speed} if it is in {unit}" for speed, unit in found)
+    reason = f"{reason}; {motion.ay} over the yaw rate says {says}"
+    return replace(unknown, reason=reason, also=tuple(f"speed = {speed}  # {unit}" for speed, unit in found))
+
+
+def _ratios(grid: ColumnGrid, motion: MotionColumns, k: float) -> tuple[float, float, float]:
+    """Tenth percentile, median and ninetieth of a_y over the yaw rate in parts of the drive."""
+    r, ay = means(yaw_rate_of(grid, motion)), grid.mean[motion.ay]
+    size = round(PART * GRID_HZ / EVERY)
+    parts = [slice(n, n + size) for n in range(0, r.size - size + 1, size)]
+    turning = np.median([np.ptp(r[part]) for part in parts]) if parts else 0.0
+    found = [relation(ay[part], r[part]) for part in parts if np.ptp(r[part]) >= turning]
+    slopes = [abs(each) for each, share in found if share > LINK]
+    low, middle, high = np.percentile(slopes, (10, 50, 90)) if len(slopes) > 2 else (k, k, k)
+    return float(low), float(middle), float(high)
 
 
 def _plain(grid: ColumnGrid, name: str) -> str:
@@ -331,126 +381,6 @@ def _plain(grid: ColumnGrid, name: str) -> str:
 
 def _share(found: tuple[float, float]) -> str:
     return f"{100 * found[1]:.0f} %"
-
-
-def _certainty(evidence: int) -> str:
-    return "certain" if evidence >= 3 else "likely" if evidence == 2 else "a guess"
-
-
-# Steering
-
-
-def _steered(
-    grid: ColumnGrid, motion: MotionColumns
-) -> tuple[list[tuple[float, str, float, float, float, float]], str]:
-    """([(score, column, share, curvature a unit, lag, weight of name)], best first; why there is none)."""
-    sign = -1.0 if motion.turned else 1.0
-    r = yaw_rate_of(grid, motion) * FACTORS["rad/s"][motion.units["r"]] * sign
-    v = grid.x[motion.speed] * FACTORS["m/s"][motion.units["speed"]]
-    v = v * (np.sign(np.median(v)) or 1.0)
-    moving = moving_parts(grid, motion.speed)
-    if moving.sum() < 40:
-        return [], "the vehicle hardly moves"
-    taken = {motion.r, motion.speed, motion.ay, motion.heading, *motion.position.split(", ")}
-    tried = []
-    for name in grid.dot:
-        x, weight = grid.x[name], name_weight("steering", name)
-        if name in taken or name in grid.made or name in grid.period or is_another("steering", name):
-            continue
-        k, share = relation(r, x)
-        if weight < 0.3 and share > 0.97 and abs(log(abs(k))) < 0.05:  # another yaw rate
-            continue
-        share, gain, lag = _follows(r, v, x, moving)
-        early = 0.3 * (lag < 0) + 0.1 * (lag == 0)
-        if weight >= NAMED or is_numbered(name) or share > (0.2 if weight else 0.6):
-            gain = gain if speed_is_known(grid, motion) else 0.0
-            tried.append((share + 0.5 * weight - early, name, share, gain, lag, weight))
-    tried.sort(key=lambda found: -found[0])
-    if not tried or (tried[0][2] < 0.2 and tried[0][5] < NAMED):
-        still = [n for n in grid.unchanged if name_weight("steering", n) >= NAMED]
-        return [], f"{still[0]} does not change" if still else "no column moves the yaw rate"
-    return tried, ""
-
-
-def _steering_lines(
-    grid: ColumnGrid,
-    motion: MotionColumns,
-    tried: Sequence[tuple[float, str, float, float, float, float]],
-    why: str,
-    reverse: bool,
-) -> Iterator[FoundColumn]:
-    """The line of the steering, and of how its samples hold. tried, why: see `_steered`."""
-    if not tried:
-        yield FoundColumn("delta", None, "", f"not found: steering; {why}", ('delta = "?"',))
-        return
-    best = tried[0]
-    _, name, share, gain, lag, weight = best
-    channel, more, unit_words = _steering_unit(grid, name, gain)
-    reasons = ["its name"] if weight >= 0.3 else []
-    reasons.append(f"the yaw rate follows V times it ({100 * share:.0f} %), {lag:.2f} s later")
-    if channel == "delta" and (gain < 0) != reverse and share > 0.2:
-        more = {**more, "scale": -float(more.get("scale", 1.0))}
-        reasons.append("sign changed: left is positive")
-    reasons.append(unit_words)
-    if lag < 0:
-        reasons.append("the yaw rate leads it: are its clock or its column right?")
-    strong = (share > 0.5) + (share > LINK) + (weight >= NAMED)
-    others = [n for s, n, *_ in tried[1:4] if s > best[0] - 0.3 and s > 0.5]
-    also = tuple(f"{channel} = {toml_value(_entry(n, '', '', more))}" for n in others)
-    origin = origin_in(name)
-    if origin != "unknown":
-        more = {**more, "origin": origin}
-        reasons.append(f"likely {origin}, by its name")
-    elif channel == "delta":
-        reasons.append("commanded or measured is not known, and gains need it")
-        wanted = toml_value(_entry(name, "", "", {**more, "origin": "commanded"}))
-        also = (f'{channel} = {wanted}  # or "measured"', *also)
-    yield FoundColumn(channel, _entry(name, "", "", more), _certainty(int(strong)), "; ".join(reasons), also)
-    if grid.held[name] > 0.5 and is_commanded(name):
-        yield FoundColumn("sampling", "step", "likely", f"{100 * grid.held[name]:.0f} % of its values repeat")
-
-
-def _follows(r: Array, v: Array, u: Array, moving: NDArray[np.bool_]) -> tuple[float, float, float]:
-    """(share explained, curvature g per unit, lag s) of r = V g u(t - lag) + offset V + bias, at its best."""
-    inner = slice(max(LAGS), min(LAGS) or None)
-    use = moving[inner]
-    base = np.linalg.qr(np.stack((v[inner][use], np.ones(int(use.sum()))), 1))[0]
-
-    def rest(x: Array) -> Array:
-        return x - base @ (base.T @ x)
-
-    y = rest(r[inner][use])
-    moved = {lag: rest((v * np.roll(u, lag))[inner][use]) for lag in LAGS}
-    shares = {lag: abs(float(y @ x)) / np.sqrt(float(x @ x) + 1e-300) for lag, x in moved.items()}
-    best = max(LAGS, key=lambda lag: shares[lag])
-    gain, share = relation(y, moved[best])
-    return share, gain, best / GRID_HZ
-
-
-def _steering_unit(grid: ColumnGrid, name: str, gain: float) -> tuple[str, dict[str, Any], str]:
-    """(channel, unit and scale, words on them) of the steering with this curvature per unit; 0 if unknown."""
-    low, middle, high = (float(x) for x in np.percentile(grid.raw[name], (0.1, 50, 99.9)))
-    if low > 700 and high < 2300 and 1100 < middle < 1900:
-        return "pwm", {}, "pulses in us"
-    size, told = max(abs(low), abs(high)), unit_in(name)
-    lengths = {u: FACTORS["rad"][u] / abs(gain) if gain else 0.0 for u in ("rad", "deg")}
-    fits = [u for u, x in lengths.items() if not x or LENGTHS[0] < x < LENGTHS[1]]
-    normal = told not in lengths and min(abs(size - 1), abs(size / 100 - 1)) < 0.03
-    angles = {"rad": size < STEEPEST, "deg": 3 < size < 60}
-    unit = told if told in lengths else next((u for u in fits if angles[u]), "")
-    if unit in fits and not normal and size * FACTORS["rad"][unit] < 1.2:
-        why = "by its name" if told else "by its size"
-        seen = f", as if the wheelbase were {lengths[unit]:.2g} m" if gain else ""
-        words = f"{unit} {why}{seen}" + ("" if told else '; if it is of full steering: unit = "full"')
-        return "delta", {"unit": unit} if unit == "deg" else {}, words
-    if not normal and (unit or (size >= 60 and lengths["deg"] > 1)):
-        unit = unit or "deg"
-        words = f"{unit}, up to {size:.3g}, of a steering wheel? Its ratio is unknown: {RATIO_UNKNOWN}"
-        return "delta", {"unit": unit} if unit == "deg" else {}, words
-    full = next((f for f in (1.0, 100.0, 1000.0, 1e4) if size < 1.1 * f), 1e5)
-    scale = {"scale": 1 / full} if full > 1 and size > 18 else {}
-    words = f"no angle, up to {size:.3g}: its size in rad is unknown; {RATIO_UNKNOWN}"
-    return "delta", {"unit": "full", **scale}, words
 
 
 # Everything else
@@ -474,7 +404,7 @@ def _other_lines(grid: ColumnGrid, motion: MotionColumns) -> Iterator[FoundColum
     turned = motion.ay and not name_weight("ay", motion.ay)
     tilted = "along" in grid.made.get(motion.r, {})
     if roll and name_weight("p", roll) >= NAMED and motion.r != motion.heading and not (turned or tilted):
-        entry = _entry(roll, motion.units["r"], "rad/s", {})
+        entry = column_entry(roll, motion.units["r"], "rad/s", {})
         yield FoundColumn("p", entry, "likely", "its name; unit as the yaw rate's")
     for role, what in (("ax", "longitudinal acceleration"), ("vy", "lateral speed")):
         named = max(columns, key=lambda n: name_weight(role, n), default="")

@@ -26,6 +26,7 @@ from rover_sweep.logs.readers.column_map import (
     local_metres,
     own_names,
     parse_column_map,
+    rate_alone,
     read_column_map,
     slope,
 )
@@ -41,8 +42,9 @@ def read_mapped(paths: Sequence[Path], column_map: Mapping[str, Any] | str | Non
     """One `Log` for each trial in a file, or in several files of one drive.
 
     Without a map the columns are those named like the channels, else those that `guess_columns` finds, with
-    a note. UsageError for a wrong map, DataRefused for a file that is empty, not a table, or of a vehicle
-    without steered wheels.
+    a note; {"time": {"rate": 100}} alone gives the rate of rows without a clock. UsageError for a wrong map,
+    or where columns are missing, DataRefused for a file that is empty, not a table, or of a vehicle without
+    steered wheels.
     """
     table = read_table(paths)
     header, name = table.header, table.name
@@ -54,10 +56,11 @@ def read_mapped(paths: Sequence[Path], column_map: Mapping[str, Any] | str | Non
             "turning command as pwm, r, ay and p (docs/questions.md)"
         )
     given = read_column_map(column_map) if isinstance(column_map, str) else column_map
-    if given is None and (given := own_names(header)) is None:
+    rate = rate_alone(given)
+    if (given is None or rate) and (rate or (given := own_names(header)) is None):
         from rover_sweep.logs.readers.guessed_columns import guess_columns
 
-        guess = guess_columns(table)
+        guess = guess_columns(table, rate)
         given = guess.needed_map()
         notes = (*table.notes, Note("warning", guess.sentence()))
         table = replace(table, notes=notes, unsure=guess.unsure)

@@ -30,11 +30,16 @@ LINK = 0.8  # share of the variance, from which a relation between two columns c
 WEAK = 0.35  # from which it is used for units and signs
 UNIT = 0.15  # of the natural logarithm of a factor, within which it is that of a unit
 HARDEST, TIGHTEST = 25.0, 0.5  # m/s^2 and m, of turns that vehicles of usual sizes drive
+SLOWEST, FASTEST = 0.3, 60.0  # m/s, of speeds that were not recorded
 NEARER = 0.02  # of a share, by which a column must be nearer to one position's slope than to the speed
 AHEAD = 0.87  # mean cosine between heading and course, from which they agree: 30 degrees
 COURSE = 0.5  # likewise for the course over ground, from which a slipping vehicle turns away
 UNRECORDED = "(a speed that was not recorded)"
-SPEED_UNITS, RATE_UNITS, ACCELERATION_UNITS = ("m/s", "km/h", "mph"), ("rad/s", "deg/s"), ("m/s^2", "g")
+# {unit: minus the logarithm of how often files have it}
+SPEED_UNITS = {"m/s": 0.0, "km/h": 0.7, "mph": 1.0, "ft/s": 2.5}
+RATE_UNITS = {"rad/s": 0.0, "deg/s": 0.3}
+ACCELERATION_UNITS = {"m/s^2": 0.0, "g": 0.3, "ft/s^2": 2.5}
+NO_UNIT = 0.8  # of the logarithm of a_y over V r, from which a unit cannot be that of a_y: half of m to ft
 
 
 @dataclass(frozen=True)
@@ -193,7 +198,8 @@ def _speeds(
         margin = NEARER if weight >= 0.5 else 0.0
         if any(part > share + margin for part, component in components if component == name):
             continue  # a velocity to the north, which is the speed only on straight roads
-        if share > LINK and any(abs(log(abs(k) / FACTORS["m/s"][u])) < UNIT for u in SPEED_UNITS) and k > 0:
+        units = (abs(log(abs(k) / FACTORS["m/s"][u] + 1e-12)) for u in SPEED_UNITS)
+        if share > LINK and k > 0 and (min(units) < UNIT or not grid.timed):
             yield weight + 1.5 * share, name, ground, (k, share)
         elif weight >= 0.3 or (is_numbered(name) and forward > 0.99):
             near = ground if share > 0.5 and k > 0 else None
@@ -259,11 +265,11 @@ def _yaw_rates(
             (*relation(grid.mean[name], grid.mean_dot[h]), h) for h, w in headings.items() if w and h != name
         ]
         k, share, heading = max(pairs, key=lambda pair: pair[1], default=(0.0, 0.0, ""))
-        if share > LINK and _is_unit_factor(k):
+        if share > LINK and (_is_unit_factor(k) or not grid.timed):
             links["heading"] = (k, share)
         if ground is not None and position:
             course = relation(grid.mean[name], ground.mean_rate, moving[::EVERY])
-            if course[1] > WEAK and _is_unit_factor(course[0], COURSE):
+            if course[1] > WEAK and (_is_unit_factor(course[0], COURSE) or not grid.timed):
                 links["course"] = course
         evidence = sum(links[n][1] for n in ("heading", "course") if n in links)
         told = share > 0.9 and "heading" in links and headings[heading] >= 0.8
@@ -373,7 +379,9 @@ def _with_acceleration(grid: ColumnGrid, motion: MotionColumns, moving: NDArray[
 
 def _with_units(grid: ColumnGrid, motion: MotionColumns) -> MotionColumns:
     """The units of speed, yaw rate and acceleration with the least contradictions."""
-    links, told = motion.links, {}
+    links, told = dict(motion.links), {}
+    if not grid.timed:  # the scales of slopes say nothing then
+        links = {"V r": links["V r"]} if "V r" in links else {}
     for role in ("r", "speed", "ay"):
         name = getattr(motion, role)
         told[role] = unit_in(grid.made.get(name, {}).get("columns", [name])[0])
@@ -387,11 +395,11 @@ def _with_units(grid: ColumnGrid, motion: MotionColumns) -> MotionColumns:
     costs: list[tuple[float, dict[str, str]]] = []
     rate, speed = np.abs(yaw_rate_of(grid, motion)), np.abs(grid.x[motion.speed])
     vr = float(np.percentile(speed * rate, 99))
-    moving = moving_parts(grid, motion.speed)
+    moving, known = moving_parts(grid, motion.speed), speed_is_known(grid, motion)
     curvature = float(np.percentile(rate[moving] / speed[moving], 99)) if moving.any() else 0.0
     for v, r, a in product(SPEED_UNITS, RATE_UNITS, ACCELERATION_UNITS):
         fv, fr, fa = FACTORS["m/s"][v], FACTORS["rad/s"][r], FACTORS["m/s^2"][a]
-        cost = {"m/s": 0.0, "km/h": 0.7, "mph": 1.0}[v] + 0.3 * (r == "deg/s") + 0.3 * (a == "g")
+        cost = SPEED_UNITS[v] + RATE_UNITS[r] + ACCELERATION_UNITS[a]
         cost += sum(
             2.0 for role, unit in (("speed", v), ("r", r), ("ay", a)) if told[role] and told[role] != unit
         )
@@ -405,18 +413,37 @@ def _with_units(grid: ColumnGrid, motion: MotionColumns) -> MotionColumns:
         if "position" in links and links["position"][1] > 0.5:
             cost += 3 * abs(log(links["position"][0] / fv))
         k, share = links.get("V r", (0.0, 0.0))
-        if share > WEAK:
+        if known and share > WEAK:
             cost += 3 * share * abs(log(abs(k) * fa / (fv * fr)))
-        cost += 2 * max(0.0, log((vr * fv * fr + 1e-9) / HARDEST)) + max(
-            0.0, log(0.2 / (vr * fv * fr + 1e-9))
-        )
-        cost += 2 * max(0.0, log((curvature * fr / fv + 1e-9) * TIGHTEST))
+        elif not known:  # what a_y over the yaw rate says
+            fv = abs(k) * fa / fr if share > WEAK else 0.0
+            cost += 2 * max(0.0, log(fv / FASTEST), log(SLOWEST / fv)) if fv else 0.0
+        if fv:
+            cost += 2 * max(0.0, log((vr * fv * fr + 1e-9) / HARDEST)) + max(
+                0.0, log(0.2 / (vr * fv * fr + 1e-9))
+            )
+            cost += 2 * max(0.0, log((curvature * fr / fv + 1e-9) * TIGHTEST))
         costs.append((cost, {"speed": v, "r": r, "ay": a}))
     costs.sort(key=lambda pair: pair[0])
     units = costs[0][1]
     rest = [cost for cost, other in costs if (other["speed"], other["r"]) != (units["speed"], units["r"])]
-    turned = links.get("course", (1.0, 0.0))[0] < 0
+    turned = motion.links.get("course", (1.0, 0.0))[0] < 0
     return replace(motion, units=units, turned=turned, sure=rest[0] - costs[0][0])
+
+
+def acceleration_units(grid: ColumnGrid, motion: MotionColumns) -> tuple[str, ...]:
+    """The units in which a_y may be, best first: by its name, by gravity, or those in which it is V r."""
+    name = motion.ay
+    told = unit_in(grid.made.get(name, {}).get("columns", [name])[0])
+    if told in ACCELERATION_UNITS or (told := _gravity_unit(grid, name)):
+        return (told,)
+    if not speed_is_known(grid, motion):
+        return tuple(u for u in ACCELERATION_UNITS if u != "g")
+    k = abs(motion.links["V r"][0]) + 1e-12
+    one = FACTORS["m/s"][motion.units["speed"]] * FACTORS["rad/s"][motion.units["r"]]
+    away = {u: abs(log(k * FACTORS["m/s^2"][u] / one)) for u in ACCELERATION_UNITS}
+    near = sorted(away, key=lambda u: away[u])
+    return (near[0], *(u for u in near[1:] if away[u] < NO_UNIT or away[near[0]] > NO_UNIT))
 
 
 def _angle_unit(grid: ColumnGrid, name: str) -> str:
