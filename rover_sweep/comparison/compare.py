@@ -235,7 +235,7 @@ def compare(
     clear, minor = differences(found)
     clear = tuple(replace(d, look_alikes=(*d.look_alikes, *alike.get(d.name, ()))) for d in clear)
     plain = direct(pairs, recordings, simulation)
-    unused = direct(held, recordings, simulation, unused=True) if held else None
+    unused = direct(held, recordings, simulation) if held else None
     agreement = (*plain.agreement(False), *(unused.agreement(True) if unused else ()))
     verdict = _verdict(clear, agreement, recordings, simulation)
     answer = Comparison(

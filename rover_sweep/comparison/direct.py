@@ -125,27 +125,35 @@ class Direct:
         return Agreement(pair.recorded.name, pair.simulated.name, held_out, whole, levels)
 
 
-def direct(
-    pairs: Sequence[Pair], recordings: FittedSide, simulation: FittedSide, unused: bool = False
-) -> Direct:
-    """The difference of pairs with the noise floors of both sides; `recordings` has the model f.
+def direct(pairs: Sequence[Pair], recordings: FittedSide, simulation: FittedSide) -> Direct:
+    """The difference of pairs with the noise floors of both sides, at the noise level of each run.
 
-    unused: no side was fitted to the runs, so the floors are scaled to the runs' own noise.
+    `recordings` has the model f. A slower run vibrates less, so each one has a level of its own.
     """
     model = recordings.fitted
-    left = [
-        tuple(signals_left(run, model.model, model.x) for run in (p.recorded, p.simulated)) for p in pairs
-    ]
+    gaps, levels = [], []
     one, two = recordings.plain.floor, simulation.plain.floor
-    if unused:
-        one = _scaled(one, [p.recorded for p in pairs], [d for d, _ in left])
-        two = _scaled(two, [p.simulated for p in pairs], [s for _, s in left])
+    both = sum_of(one, two)
+    for p in pairs:
+        left = tuple(signals_left(run, model.model, model.x) for run in (p.recorded, p.simulated))
+        gaps.append(_gap(p, *left))
+        own = signals_left(p.simulated, simulation.fitted.model, simulation.fitted.x)
+        noise = level_of(p.recorded, left[0], one), level_of(p.simulated, own, two)
+        levels.append({c: _level_of_both(c, (one, two), noise) for c in both.density})
     runs = [p.recorded for p in pairs]
-    problem = with_floor(runs, sum_of(one, two))
-    gaps = [_gap(p, d, s) for p, (d, s) in zip(pairs, left, strict=True)]
+    problem = with_floor(runs, both, levels)
     rows = whitened(problem.rows, runs, gaps)
     metric = problem.in_metric(np.sqrt(2.0) * columns(speed_drift(problem, model), problem.size))
     return Direct(tuple(pairs), problem, rows, metric.of(rows))
+
+
+def _level_of_both(
+    channel: str, floors: tuple[Floor, Floor], levels: tuple[Mapping[str, float], Mapping[str, float]]
+) -> float:
+    """Noise power of a difference over that of both floors, from the level of each side."""
+    powers = [floor.rms(channel, *BAND) ** 2 for floor in floors]
+    own = sum(p * level.get(channel, 1.0) for p, level in zip(powers, levels, strict=True))
+    return own / max(sum(powers), 1e-30)
 
 
 def sum_of(one: Floor, two: Floor) -> Floor:
@@ -164,12 +172,6 @@ def _gap(pair: Pair, recorded: Signals, simulated: Signals) -> Signals:
         c: y - np.interp(t, at, simulated[c]) if c in simulated else np.zeros(y.size)
         for c, y in recorded.items()
     }
-
-
-def _scaled(floor: Floor, runs: Sequence[Experiment], residuals: Sequence[Mapping[str, Array]]) -> Floor:
-    """The floor at the mean noise level of other runs, channel by channel."""
-    levels = [level_of(run, dict(left), floor) for run, left in zip(runs, residuals, strict=True)]
-    return floor.times({c: float(np.mean([level.get(c, 1.0) for level in levels])) for c in floor.density})
 
 
 def _rms(rows: Array) -> float:

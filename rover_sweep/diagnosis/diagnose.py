@@ -125,7 +125,7 @@ def diagnose(
     remarks += smoothed_channels(found.last.problem.floor)
     if found.stopped and limit is not None and time.monotonic() - started > limit:
         remarks.append(f"stopped by the time limit of {limit:g} s, before all effects were tried")
-    whole = augmented(found.last.model, found.last.fitted.x, runs, [run.begin for run in used])
+    whole = augmented(found.last.model, found.last.closest.x, runs, [run.begin for run in used])
     whole = in_model(whole, laws) if laws else whole
     remarks += answer.remarks
     return replace(answer, seconds=time.monotonic() - started, remarks=tuple(remarks), model=whole)

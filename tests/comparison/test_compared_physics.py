@@ -77,6 +77,33 @@ def test_the_same_rover_agrees(recorded, tmp_path):
     assert (tmp_path / "comparison.json").is_file()
 
 
+def test_each_run_is_compared_at_its_own_noise(recorded):
+    """A run on rough ground beside a quiet one: the same rover agrees in both."""
+    folder, _, runs, _, _ = recorded
+
+    def driven(name, seed):
+        path = drive(ROVER, [RECORDED / f"{name}.BIN"], folder / f"seed{seed}", seed)[0]
+        return rs.read(str(path), vehicle=folder / "rover.toml")[0]
+
+    a, b, c, d, e, f = (driven("run3", seed) for seed in range(12, 18))
+    pair = (*runs, _rougher(a, b, c))
+    sims = (driven("run1", 61), _rougher(d, e, f))
+    model = baseline_model(replace(runs, recordings=pair))
+    found = compared(pair, (), sims, Diagnosis("none", "", "roll-yaw", model=model), ()).answer
+    levels = {(a.run, c): level for a in found.agreement for c, level in a.channels.items()}
+    assert len(levels) == 8
+    assert levels == pytest.approx(dict.fromkeys(levels, 1.0), abs=0.2)
+
+
+def _rougher(run, one, other):
+    """The run with three times the difference of two others as more noise."""
+    own = {
+        c: replace(run[c], x=run[c].x + 3.0 * (one[c].on(run[c].t) - other[c].on(run[c].t)))
+        for c in ("r", "p", "ay", "vy")
+    }
+    return replace(run, channels={**run.channels, **own})
+
+
 @pytest.mark.slow
 def test_a_wrong_inertia_is_a_number(recorded):
     found = _answer(recorded, replace(ROVER, yaw_inertia=0.8 * ROVER.yaw_inertia), seed=70)

@@ -206,8 +206,13 @@ def problem(runs: Sequence[Experiment], residuals: Sequence[Mapping[str, Array]]
     return with_floor(runs, floor_of(runs, residuals))
 
 
-def with_floor(runs: Sequence[Experiment], floor: Floor) -> Problem:
-    """Builds the Problem from runs and their noise floor."""
+def with_floor(
+    runs: Sequence[Experiment], floor: Floor, levels: Sequence[Mapping[str, float]] = ()
+) -> Problem:
+    """Builds the Problem from runs and their noise floor.
+
+    levels: {channel: noise power over the floor's} of each run; () where the floor is that of all.
+    """
     rows, start = list[Rows](), 0
     for k, run in enumerate(runs):
         f: Array = np.asarray(np.fft.rfftfreq(run.t.size, 1 / RATE), np.float64)
@@ -216,7 +221,8 @@ def with_floor(runs: Sequence[Experiment], floor: Floor) -> Problem:
             tops = TOP, 0.4 * run.rates.get(channel, RATE), HIGHEST.get(channel, TOP)
             top = min(*tops, 0.5 * run.steer_rate + 2.0, floor.top.get(channel, TOP))
             chosen = np.flatnonzero((f >= max(LOWEST[channel], 0.6 / run.t[-1])) & (f <= top))
-            weight = 1.0 / np.sqrt(floor.at(channel, f[chosen]) * RATE / 4 * energy)
+            level = levels[k].get(channel, 1.0) if levels else 1.0
+            weight = 1.0 / np.sqrt(level * floor.at(channel, f[chosen]) * RATE / 4 * energy)
             if channel in MEANS:
                 chosen = np.concatenate(([0], chosen))
                 weight = np.concatenate(([1.0 / (MEANS[channel] * np.sum(run.taper))], weight))
