@@ -18,8 +18,10 @@ from rover_sweep.logs.log import increasing
 from rover_sweep.logs.readers.column_lines import FoundColumn
 from rover_sweep.logs.readers.column_map import FACTORS, heading_of, slope
 from rover_sweep.logs.readers.column_names import (
+    SAYS,
     is_arrival,
     is_degrees,
+    name_odds,
     name_weight,
     says_anything,
     unit_in,
@@ -33,6 +35,7 @@ GRID_HZ, LONGEST = 20.0, 16_000  # of the common grid on which columns are compa
 SMOOTH_HZ = 2.0
 MOST = 150  # columns of which all are compared; of more, those whose names say something
 SHORTEST = 5.0  # s, of a recorded drive
+SAMPLES, ALL = 6.0, 0.02  # independent samples of a relation; share that any relation leaves out
 EVERY = 5  # samples of the grid between two means
 
 
@@ -209,6 +212,10 @@ class ColumnGrid:
         self.dot[title] = np.gradient(x) * GRID_HZ if dot is None else dot
         self.mean_dot[title] = means(self.dot[title])
 
+    def odds(self, role: str, name: str) -> float:
+        """Logarithm of the odds that a column has this role, by its name; one not so named is one of many."""
+        return name_odds(role, name) - (log(len(self.dot)) if name_weight(role, name) < SAYS else 0.0)
+
     def add(self, name: str, t: Array, x: Array, grid: Array, number: int) -> None:
         """A column with its times."""
         period = _period(x)
@@ -332,6 +339,15 @@ def relation(y: Array, x: Array, use: NDArray[np.bool_] | None = None) -> tuple[
     good = error <= np.percentile(error, 98)
     k, _, share = _line(y[good], x[good])
     return k, share
+
+
+def fit_odds(share: float) -> float:
+    """Logarithm of the odds for a relation between two columns that explains this share of the variance.
+
+    As of SAMPLES independent samples, since drives repeat themselves; ALL is of noise and physics that every
+    relation leaves out.
+    """
+    return -0.5 * SAMPLES * log(1 - min(max(share, 0.0), 1.0) + ALL)
 
 
 def means(x: Array) -> Array:

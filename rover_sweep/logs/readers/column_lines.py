@@ -12,7 +12,8 @@ from typing import Any
 class FoundColumn:
     """A line of the column map. channel: its key; entry: its value, None where it stays undecided.
 
-    certainty: "certain", "likely" or "a guess". also: lines to write instead of it, as comments.
+    certainty: "certain", "likely" or "a guess". also: lines to write instead of it, as comments;
+    alike: the same for other columns that fit alike.
     """
 
     channel: str
@@ -20,13 +21,14 @@ class FoundColumn:
     certainty: str
     reason: str
     also: tuple[str, ...] = ()
+    alike: tuple[str, ...] = ()
 
     def lines(self) -> Iterator[str]:
         """Its text in the map."""
         yield f"# {self.certainty}: {self.reason}" if self.entry is not None else f"# {self.reason}"
         if self.entry is not None:
             yield f"{self.channel} = {toml_value(self.entry)}"
-        yield from (f"# {line}" for line in self.also)
+        yield from (f"# {line}" for line in (*self.also, *self.alike))
 
 
 def toml_value(value: Any) -> str:

@@ -3,9 +3,15 @@
 from __future__ import annotations
 
 import re
+from functools import cache
 
 from rover_sweep.data.recording import Origin
 
+SAYS = 0.3  # weight from which a name says a role
+# Logarithms of odds, roughly as in the files that were seen: what a name of weight 1 says, which is wrong in
+# some per cent of them; against a set value for a measurement, a rear wheel's angle for the steering, and a
+# yaw rate that odometry computed from the steering; and against a unit of another quantity.
+SAID, SET_VALUE, REAR_WHEEL, COMPUTED, OTHER_UNIT = 4.0, 4.0, 3.0, 2.0, 6.0
 # {role: ((pattern, weight), ...)}: matched against the name in lower case, words joined by blanks
 _PATTERNS: dict[str, tuple[tuple[str, float], ...]] = {
     "time": (
@@ -73,6 +79,7 @@ _SENT = re.compile(
     r"\b(drive steering angle|rc|joy\w*|stick|soll|rcou|output|actuator (servos|controls|outputs)( \d)?)\b"
 )
 _ARRIVAL = re.compile(r"\b(arriv\w*|receiv\w*|rosbag ?time\w*|bag ?time\w*|log ?time|recorded|exported)\b")
+_REAR = re.compile(r"\b(rear|rl|rr|hinten|hinterrad)\b|\w(rl|rr)$")
 _NOT = {
     "steering": re.compile(r"\b(rate|torque|vel|velocity|speed|dot|delta ?delta|d delta|effort|current)\b"),
     "speed": re.compile(
@@ -108,6 +115,14 @@ UNIT_WORDS: dict[str, str] = {  # in brackets or as the last word of a name: the
 }
 
 
+_UNITS_OF: dict[str, tuple[str, ...]] = {  # of rates also without "per second", as some names have them
+    "r": ("rad/s", "deg/s", "rad", "deg"),
+    "speed": ("m/s", "km/h", "mph", "kn", "ft/s", "rpm"),
+    "ay": ("m/s^2", "g", "ft/s^2"),
+    "steering": ("rad", "deg", "us"),
+}
+
+
 def words_of(name: str) -> str:
     """The name in lower-case words: "angX" and "ang_x" are "ang x", "/imu.linear.z" is "imu linear z"."""
     apart = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", name)
@@ -115,6 +130,7 @@ def words_of(name: str) -> str:
     return words.replace("gyroscope", "gyro").replace("accelerometer", "accel")  # as phones call them
 
 
+@cache
 def name_weight(role: str, name: str) -> float:
     """0 to 1: how much a column's name says that it has this role."""
     words = re.sub(r"\b(rad|deg|degs|m|s|g|us|km h|kmph)$", "", words_of(without_unit(name))).strip()
@@ -141,6 +157,26 @@ def is_another(role: str, name: str) -> bool:
     """True for a name that says another role than this one, and says it more clearly."""
     rivals = (r for r in _PATTERNS if r not in (role, "trial", "bad"))
     return max(name_weight(rival, name) for rival in rivals) >= max(0.6, name_weight(role, name) + 0.01)
+
+
+def says_nothing(name: str) -> bool:
+    """True for a name that says no role at all, such as column 3, states[3] or Signal_7."""
+    return all(name_weight(role, name) < SAYS for role in _PATTERNS)
+
+
+def name_odds(role: str, name: str) -> float:
+    """Logarithm of the odds that a column of this name has this role, against one whose name says nothing."""
+    rivals = max(name_weight(rival, name) for rival in _PATTERNS if rival not in (role, "trial", "bad"))
+    own = name_weight(role, name)
+    words = words_of(name)
+    unlikely = REAR_WHEEL if role == "steering" and _REAR.search(words) else 0.0
+    if role != "steering" and is_commanded(name):
+        unlikely += SET_VALUE
+    if (unit := unit_in(name)) and unit not in _UNITS_OF.get(role, (unit,)):
+        unlikely += OTHER_UNIT
+    if role == "r" and "odom" in words:
+        unlikely += COMPUTED
+    return SAID * own - SAID * max(0.0, rivals - own) - unlikely
 
 
 def says_anything(name: str) -> bool:

@@ -21,7 +21,8 @@ from rover_sweep.logs.log import disorder
 from rover_sweep.logs.readers.column_grid import EVERY, GRID_HZ, ColumnGrid, gridded, means, relation
 from rover_sweep.logs.readers.column_lines import FoundColumn, certainty_of, column_entry, toml_value
 from rover_sweep.logs.readers.column_map import FACTORS, UNITS
-from rover_sweep.logs.readers.column_names import is_another, is_rotation, name_weight, unit_in
+from rover_sweep.logs.readers.column_names import is_another, is_rotation, name_weight, says_nothing, unit_in
+from rover_sweep.logs.readers.joint_columns import joint_columns
 from rover_sweep.logs.readers.motion_columns import (
     LINK,
     SPEED_UNITS,
@@ -30,16 +31,10 @@ from rover_sweep.logs.readers.motion_columns import (
     MotionColumns,
     acceleration_units,
     direction,
-    motion_columns,
     other_speed,
     yaw_rate_of,
 )
-from rover_sweep.logs.readers.steering_columns import (
-    NAMED,
-    steering_candidates,
-    steering_lines,
-    steering_unit,
-)
+from rover_sweep.logs.readers.steering_columns import NAMED, steering_lines, steering_unit, usual_speed
 from rover_sweep.logs.readers.tables import FEWEST_ROWS, RecordedTable
 
 PART = 6.0  # s, parts of a drive in which a speed that was not recorded is compared
@@ -109,17 +104,19 @@ def guess_columns(table: RecordedTable, rate: float = 0.0) -> ColumnGuess:
     rate: of the rows [Hz], where no column is their clock; 0 if it is unknown.
     """
     grid = gridded(table, rate)
-    motion = motion_columns(grid)
+    joint = joint_columns(grid)
+    motion, tried = joint.motion, joint.steering
     found: list[FoundColumn] = []
     missing: list[str] = []
     if motion.r and motion.speed:
-        tried, why = steering_candidates(grid, motion)
-        _, name, share, gain, *_ = tried[0] if tried else (0.0, "", 0.0, 0.0)
-        angle = share > 0.2 and steering_unit(grid, name, gain)[0] == "delta"
+        name, share, gain = (tried[0].name, tried[0].share, tried[0].gain) if tried else ("", 0.0, 0.0)
+        speed = usual_speed(grid, motion)
+        angle = share > 0.2 and steering_unit(grid, name, gain, speed)[0] == "delta"
         back = direction(grid, motion, gain if angle else 0.0)
-        steering = list(steering_lines(grid, motion, tried, why, back[0]))
+        steering = list(steering_lines(grid, motion, tried, joint.why, back[0]))
         steered = any(s.channel in ("delta", "pwm") and s.certainty == "certain" for s in steering)
-        found += [*_motion_lines(grid, motion, steered, back), *steering, *_other_lines(grid, motion)]
+        found += [*_motion_lines(grid, motion, steered, back), *steering, *_other_lines(grid, motion, name)]
+        found = [_with_others(line, joint.others.get(line.channel, ())) for line in found]
         if motion.r.startswith("path ") and share < WEAK:  # of positions that are too coarse
             words = f"follows V times the steering to {100 * share:.0f} % only: the positions are too coarse"
             reason = f"not found: yaw rate; how fast the course over ground turns {words}"
@@ -140,6 +137,16 @@ def guess_columns(table: RecordedTable, rate: float = 0.0) -> ColumnGuess:
     return ColumnGuess(
         table.name, (*first, *found, *_mark_lines(table, grid)), tuple(missing), _obstacle(table, grid)
     )
+
+
+def _with_others(line: FoundColumn, names: Sequence[str]) -> FoundColumn:
+    """The line with other columns that fit alike."""
+    entry = line.entry
+    if entry is None or not names:
+        return line
+    rest = {k: v for k, v in entry.items() if k in ("unit", "scale")} if isinstance(entry, Mapping) else {}
+    lines = (f"{line.channel} = {toml_value(column_entry(n, '', '', rest))}  # fits alike" for n in names)
+    return replace(line, alike=tuple(lines))
 
 
 def _named_lines(grid: ColumnGrid) -> Iterator[FoundColumn]:
@@ -288,7 +295,8 @@ def _motion_lines(
         entry = column_entry(mounted or motion.ay, units["ay"], "m/s^2", sign)
         words = f"V r explains {100 * share:.0f} % of it{', sign changed to that of V r' if sign else ''}"
         turned = ", of all directions across gravity the one that fits" if mounted else ""
-        words += turned or ("" if name_weight("ay", motion.ay) else ", so the sensor is mounted turned")
+        level = name_weight("ay", motion.ay) or says_nothing(motion.ay)
+        words += turned or ("" if level else ", so the sensor is mounted turned")
         if share < WEAK:
             reason = f"not decided: {motion.ay} is named like the lateral acceleration, but {words}"
             yield FoundColumn("ay", None, "", reason, (f"ay = {toml_value(entry)}",))
@@ -386,7 +394,7 @@ def _share(found: tuple[float, float]) -> str:
 # Everything else
 
 
-def _other_lines(grid: ColumnGrid, motion: MotionColumns) -> Iterator[FoundColumn]:
+def _other_lines(grid: ColumnGrid, motion: MotionColumns, steering: str) -> Iterator[FoundColumn]:
     """Roll rate from the gyro of the yaw rate; comments on what the map has no use for."""
     columns = [n for n in grid.dot if n not in grid.made and n != motion.r]
     same = [n for n in columns if grid.stream[n] == grid.stream[motion.r]]
@@ -397,7 +405,7 @@ def _other_lines(grid: ColumnGrid, motion: MotionColumns) -> Iterator[FoundColum
             other = {"column": name, "scale": float(f"{k * FACTORS['m/s'][motion.units['speed']]:.4g}")}
             words = f"revolutions that follow the speed ({100 * share:.0f} %)"
             yield FoundColumn("speed", None, "", words, (f"speed = {toml_value(other)}",))
-    if (other := other_speed(grid, motion)) is not None:
+    if (other := other_speed(grid, motion, steering)) is not None:
         words = f"moves as the speed says ({100 * other[1]:.0f} %): only to compare the speed with"
         yield FoundColumn("path_speed", other[0], "likely", words)
     roll = max(same, key=lambda n: name_weight("p", n), default="")

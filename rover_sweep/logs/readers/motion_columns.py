@@ -13,13 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rover_sweep.data.recording import Array
-from rover_sweep.logs.readers.column_grid import EVERY, GRID_HZ, ColumnGrid, means, relation
+from rover_sweep.logs.readers.column_grid import EVERY, GRID_HZ, ColumnGrid, fit_odds, means, relation
 from rover_sweep.logs.readers.column_map import DEGREE, FACTORS, course_rate
 from rover_sweep.logs.readers.column_names import (
-    is_another,
     is_numbered,
     is_rotation,
     name_weight,
+    says_nothing,
     unit_in,
     without_unit,
     words_of,
@@ -31,6 +31,12 @@ WEAK = 0.35  # from which it is used for units and signs
 UNIT = 0.15  # of the natural logarithm of a factor, within which it is that of a unit
 HARDEST, TIGHTEST = 25.0, 0.5  # m/s^2 and m, of turns that vehicles of usual sizes drive
 SLOWEST, FASTEST = 0.3, 60.0  # m/s, of speeds that were not recorded
+# Logarithms of odds of what is made of several columns, against a column whose name says nothing
+OF_UPRIGHT, OF_VELOCITIES, OF_POSITIONS, OF_NUMBERED = 5.0, 3.0, 1.5, -2.0
+OF_HEADING, OF_PATH, NOT_RECORDED = 3.0, 0.5, -1.0
+CROWD = 40  # columns, from which chance finds one that is V times another
+NEAREST = 3  # headings of which each column may be the slope
+WRAPS = 4.0  # against a yaw rate that jumps as an angle does
 NEARER = 0.02  # of a share, by which a column must be nearer to one position's slope than to the speed
 AHEAD = 0.87  # mean cosine between heading and course, from which they agree: 30 degrees
 COURSE = 0.5  # likewise for the course over ground, from which a slipping vehicle turns away
@@ -39,7 +45,6 @@ UNRECORDED = "(a speed that was not recorded)"
 SPEED_UNITS = {"m/s": 0.0, "km/h": 0.7, "mph": 1.0, "ft/s": 2.5}
 RATE_UNITS = {"rad/s": 0.0, "deg/s": 0.3}
 ACCELERATION_UNITS = {"m/s^2": 0.0, "g": 0.3, "ft/s^2": 2.5}
-NO_UNIT = 0.8  # of the logarithm of a_y over V r, from which a unit cannot be that of a_y: half of m to ft
 
 
 @dataclass(frozen=True)
@@ -129,10 +134,13 @@ def _ground(grid: ColumnGrid, one: str, two: str, degrees: bool = False) -> _Gro
     return _Ground(f"{one}, {two}", place, made, path, speed, course, slopes, means(speed), means(rate))
 
 
-def motion_columns(grid: ColumnGrid) -> MotionColumns:
-    """Yaw rate, speed and lateral acceleration that agree best with each other and with their names."""
+def motion_candidates(grid: ColumnGrid) -> list[tuple[float, MotionColumns]]:
+    """(logarithm of the odds, yaw rate, speed and lateral acceleration that may belong together), best first.
+
+    Names shift the odds, and so do the relations between the columns; neither decides alone.
+    """
     if not grid.dot:
-        return MotionColumns()
+        return []
     grounds = list(_grounds(grid))
     add_upright(grid)
     speeds = sorted(_speeds(grid, grounds), key=lambda s: -s[0])[:6]
@@ -140,15 +148,36 @@ def motion_columns(grid: ColumnGrid) -> MotionColumns:
     speeds += [] if named else _made_speeds(grid, grounds)
     if not speeds:  # a constant one that was not recorded
         grid.x[UNRECORDED] = np.ones_like(next(iter(grid.x.values())))
-        speeds = [(0.3, UNRECORDED, None, (0.0, 0.0))]
-    best = (0.5, MotionColumns())
-    for score, name, ground, place in speeds:
+        speeds = [(NOT_RECORDED, UNRECORDED, None, (0.0, 0.0))]
+    found: list[tuple[float, MotionColumns]] = []
+    headings = _headings(grid)
+    for odds, name, ground, place in speeds:
         moving = moving_parts(grid, name)
-        for more, one in _yaw_rates(grid, ground, moving, place):
+        for more, shown, one in _yaw_rates(grid, headings, ground, moving, place):
+            if not shown and len(grid.dot) > CROWD:
+                continue
             tried = _with_acceleration(grid, replace(one, speed=name), moving)
-            share = tried.links.get("V r", (0.0, 0.0))[1]
-            best = max(best, (score + more + share, tried), key=lambda pair: pair[0])
-    return _with_scale(grid, best[1])
+            k, share = tried.links.get("V r", (0.0, 0.0))
+            if shown or (share > LINK and name != UNRECORDED and _is_unit_of_acceleration(k)):
+                found.append((odds + more + _of_acceleration(grid, tried.ay, share), tried))
+    return sorted(found, key=lambda pair: -pair[0])
+
+
+def _of_acceleration(grid: ColumnGrid, name: str, share: float) -> float:
+    """What a_y = V r says for all three; less of a column that was chosen among many for its fit."""
+    if share < WEAK:
+        return 0.0
+    if name in grid.made or not says_nothing(name):
+        return fit_odds(share)
+    return max(0.0, 0.5 * fit_odds(share) - log(len(grid.dot)))
+
+
+def _is_unit_of_acceleration(k: float) -> bool:
+    """True for a ratio of a_y to V r in usual units of all three."""
+    units = product(SPEED_UNITS, RATE_UNITS, ACCELERATION_UNITS)
+    usual = ((v, r, a) for v, r, a in units if "ft" not in v + a)
+    ratios = (FACTORS["m/s"][v] * FACTORS["rad/s"][r] / FACTORS["m/s^2"][a] for v, r, a in usual)
+    return any(abs(log(abs(k) / ratio + 1e-12)) < UNIT for ratio in ratios)
 
 
 def moving_parts(grid: ColumnGrid, speed: str) -> NDArray[np.bool_]:
@@ -164,7 +193,8 @@ def _made_speeds(
     for ground in grounds:
         (way, names), *_ = ground.made.items()
         grid.make(title := f"{way} {', '.join(names)}", ground.made, names[0], ground.speed)
-        yield 0.8 if way == "velocity" else 0.4 if ground.path else 0.0, title, ground, (1.0, 1.0)
+        odds = OF_VELOCITIES if way == "velocity" else OF_POSITIONS if ground.path else OF_NUMBERED
+        yield odds, title, ground, (1.0, 1.0)
 
 
 def _slope_of(grid: ColumnGrid, position: str) -> tuple[float, str]:
@@ -191,8 +221,9 @@ def _speeds(
         if is_rotation(name) and name not in grid.made:
             yield _of_rotation(grid, name, grounds)
             continue
-        if name in grid.made or is_another("speed", name) or (weight < 0.5 and forward < 0.9):
+        if name in grid.made or (weight < 0.5 and forward < 0.9):
             continue
+        odds = grid.odds("speed", name)
         links = [(*relation(g.mean_speed, np.abs(grid.mean[name])), g) for g in grounds if name not in g.name]
         k, share, ground = max(links, key=lambda pair: pair[1], default=(0.0, 0.0, None))
         margin = NEARER if weight >= 0.5 else 0.0
@@ -200,10 +231,10 @@ def _speeds(
             continue  # a velocity to the north, which is the speed only on straight roads
         units = (abs(log(abs(k) / FACTORS["m/s"][u] + 1e-12)) for u in SPEED_UNITS)
         if share > LINK and k > 0 and (min(units) < UNIT or not grid.timed):
-            yield weight + 1.5 * share, name, ground, (k, share)
-        elif weight >= 0.3 or (is_numbered(name) and forward > 0.99):
-            near = ground if share > 0.5 and k > 0 else None
-            yield weight, name, near or (grounds[0] if grounds else None), (k, share if near else 0.0)
+            yield odds + fit_odds(share), name, ground, (k, share)
+        elif weight >= 0.3 or (says_nothing(name) and forward > 0.99):
+            near = ground if ground and ground.path and share > 0.5 and k > 0 else None
+            yield odds, name, near or (grounds[0] if grounds else None), (k, share if near else 0.0)
 
 
 def _of_rotation(
@@ -217,10 +248,11 @@ def _of_rotation(
     scale = float(k if scaled else 1 / (np.percentile(np.abs(x), 95) + 1e-12))
     scale *= -1 if np.median(x) < 0 else 1
     grid.make(title := f"{name} times its scale", {"column": name, "scale": scale}, name, scale * x)
-    return 0.3 + share, title, ground if scaled else None, (1.0, share) if scaled else (0.0, 0.0)
+    odds = fit_odds(share) if scaled else 0.0
+    return odds, title, ground if scaled else None, (1.0, share) if scaled else (0.0, 0.0)
 
 
-def _with_scale(grid: ColumnGrid, motion: MotionColumns) -> MotionColumns:
+def with_scale(grid: ColumnGrid, motion: MotionColumns) -> MotionColumns:
     """With a speed of revolutions scaled by a_y over r, where no position does it; else its scale is 0."""
     made = grid.made.get(motion.speed, {})
     if "column" not in made or "position" in motion.links:
@@ -239,31 +271,62 @@ def speed_is_known(grid: ColumnGrid, motion: MotionColumns) -> bool:
     return motion.speed != UNRECORDED and grid.made.get(motion.speed, {}).get("scale", 1.0) != 0
 
 
-def _yaw_rates(
-    grid: ColumnGrid, ground: _Ground | None, moving: NDArray[np.bool_], place: tuple[float, float]
-) -> Iterator[tuple[float, MotionColumns]]:
-    """(score, what is known) of each column that may be the yaw rate, or the heading that gives it."""
-    headings = {
+@dataclass(frozen=True)
+class _Headings:
+    """weights: {column: how much says that it is a heading}; of: {column: headings whose slope it may be}."""
+
+    weights: Mapping[str, float]
+    of: Mapping[str, tuple[str, ...]]
+
+
+def _headings(grid: ColumnGrid) -> _Headings:
+    weights = {
         name: max(
             name_weight("psi", name),
             0.8 * bool(grid.period.get(name)),
             1.0 * ("quaternion" in grid.made.get(name, ())),
-            0.1 * (is_numbered(name) and bool(np.ptp(grid.x[name]) > 1)),
+            0.1 * (says_nothing(name) and bool(np.ptp(grid.x[name]) > 1)),
         )
         for name in grid.dot
         if name not in grid.made or "quaternion" in grid.made[name]
     }
+    names, psi = list(grid.mean), [name for name, weight in weights.items() if weight]
+    if not psi:
+        return _Headings(weights, dict.fromkeys(names, ()))
+    x, slopes = (
+        np.stack([_standard(of[n]) for n in some]) for of, some in ((grid.mean, names), (grid.mean_dot, psi))
+    )
+    nearest = np.argsort(-np.abs(x @ slopes.T), axis=1)[:, : NEAREST + 1]
+    found = {n: tuple(psi[k] for k in row if psi[k] != n) for n, row in zip(names, nearest, strict=True)}
+    return _Headings(weights, found)
+
+
+def _standard(x: Array) -> Array:
+    away = x - x.mean()
+    return np.asarray(away / (np.linalg.norm(away) + 1e-300))
+
+
+def _yaw_rates(
+    grid: ColumnGrid,
+    headings: _Headings,
+    ground: _Ground | None,
+    moving: NDArray[np.bool_],
+    place: tuple[float, float],
+) -> Iterator[tuple[float, bool, MotionColumns]]:
+    """(odds, evidence, what is known) of each column that may be the yaw rate, or the heading that gives it.
+
+    evidence: False where neither the name nor a heading or course speaks for it, so that a_y must.
+    """
     position = ground.name if ground and place[1] else ""
     for name in list(grid.dot):
         weight = name_weight("r", name)
         made = grid.made.get(name, {})
-        if (made and "along" not in made) or (not made and is_another("r", name)):
+        if made and "along" not in made:
             continue
         links: dict[str, tuple[float, float]] = {"position": place} if position else {}
-        weight = 1.5 if made else 0.0 if name in grid.period else weight
-        pairs = [
-            (*relation(grid.mean[name], grid.mean_dot[h]), h) for h, w in headings.items() if w and h != name
-        ]
+        weight = 1.0 if made else 0.0 if name in grid.period else weight
+        odds = OF_UPRIGHT if made else grid.odds("r", name) - WRAPS * (name in grid.period)
+        pairs = [(*relation(grid.mean[name], grid.mean_dot[h]), h) for h in headings.of.get(name, ())]
         k, share, heading = max(pairs, key=lambda pair: pair[1], default=(0.0, 0.0, ""))
         if share > LINK and (_is_unit_factor(k) or not grid.timed):
             links["heading"] = (k, share)
@@ -272,13 +335,14 @@ def _yaw_rates(
             if course[1] > WEAK and (_is_unit_factor(course[0], COURSE) or not grid.timed):
                 links["course"] = course
         evidence = sum(links[n][1] for n in ("heading", "course") if n in links)
-        told = share > 0.9 and "heading" in links and headings[heading] >= 0.8
-        if weight >= 0.3 or evidence > 1.2 or told:
-            one = MotionColumns(
-                name, heading=heading if "heading" in links else "", position=position, links=links
-            )
-            yield weight + evidence, one
-    for name, weight in headings.items():
+        told = share > 0.9 and "heading" in links and headings.weights[heading] >= 0.8
+        odds += fit_odds(links["heading"][1]) if "heading" in links else 0.0
+        odds += 0.5 * fit_odds(links["course"][1]) if "course" in links else 0.0
+        one = MotionColumns(
+            name, heading=heading if "heading" in links else "", position=position, links=links
+        )
+        yield odds, weight >= 0.3 or evidence > 1.2 or told, one
+    for name, weight in headings.weights.items():
         if weight < 0.6:
             continue
         course = (
@@ -289,10 +353,15 @@ def _yaw_rates(
         share = course[1]
         links = {"position": place} if position else {}
         links |= {"course": course} if share > WEAK else {}
-        yield 0.7 * weight + 0.5 * share, MotionColumns(name, heading=name, position=position, links=links)
+        odds = OF_HEADING * weight + (0.5 * fit_odds(share) if share > WEAK else 0.0)
+        yield odds, True, MotionColumns(name, heading=name, position=position, links=links)
     if ground is not None and ground.path:
         links = {"position": place} if position else {}
-        yield 0.15, MotionColumns(ground.path, heading=ground.path, position=ground.name, links=links)
+        yield (
+            OF_PATH,
+            True,
+            MotionColumns(ground.path, heading=ground.path, position=ground.name, links=links),
+        )
 
 
 def _is_unit_factor(k: float, within: float = UNIT) -> bool:
@@ -331,13 +400,16 @@ def direction(grid: ColumnGrid, motion: MotionColumns, gain: float) -> tuple[boo
     return forward < 0, f"most of it is below 0; by the sign of {' and of '.join(why)}, {way}"
 
 
-def other_speed(grid: ColumnGrid, motion: MotionColumns) -> tuple[dict[str, Any], float] | None:
+def other_speed(
+    grid: ColumnGrid, motion: MotionColumns, steering: str
+) -> tuple[dict[str, Any], float] | None:
     """(entry of the map, share) of positions that move as the speed says, at any scale; None without any."""
+    taken = {motion.speed, motion.r, motion.ay, steering}
     if motion.speed not in grid.mean or {"position", "lat_lon"} & set(grid.made.get(motion.speed, {})):
         return None
     best: tuple[float, dict[str, Any]] = (LINK, {})
     for ground in _grounds(grid):
-        if motion.speed not in ground.name.split(", "):
+        if not taken & set(ground.name.split(", ")):
             slope = ground.mean_speed if ground.made is ground.place else means(_path_speed(grid, ground))
             _, share = relation(slope, np.abs(grid.mean[motion.speed]))
             best = max(best, (share, ground.place), key=lambda pair: pair[0])
@@ -359,20 +431,20 @@ def _with_acceleration(grid: ColumnGrid, motion: MotionColumns, moving: NDArray[
     vr = means(np.abs(grid.x[motion.speed]) * yaw_rate_of(grid, motion))
     taken = {motion.r, motion.speed, *motion.position.split(", ")}
     best = (0.0, "", (0.0, 0.0))
-    tilted = "along" in grid.made.get(motion.r, {})
+    tilted, known = "along" in grid.made.get(motion.r, {}), speed_is_known(grid, motion)
     if tilted:
         for name, link in add_sideways(grid, motion.r, motion.speed, vr, moving):
             best = max(best, (link[1], name, link))
-    for name in grid.dot:
-        own, turned = name_weight("ay", name), name_weight("ax", name)
-        if tilted or name in taken or name in grid.made or name in grid.period or not (own or turned):
+    for name in () if tilted else grid.dot:
+        own = name_weight("ay", name)
+        named = own or name_weight("ax", name)
+        if name in taken or name in grid.made or name in grid.period or not (named or says_nothing(name)):
             continue
-        others = max(name_weight(role, name) for role in ("r", "p", "steering", "vy", "psi", "speed"))
         k, share = relation(grid.mean[name], vr, moving[::EVERY])
-        weight = 0.5 * (own - 0.7 * others) if own else 0.0
-        score = weight + (share if share > WEAK else 0.0)
-        if score > best[0] and (own or share > LINK):  # of a sensor that is mounted turned, only if it fits
-            best = (score, name, (k, share))
+        odds = grid.odds("ay", name) + (fit_odds(share) if share > WEAK else 0.0)
+        fits = share > LINK and (named or (known and _is_unit_of_acceleration(k)))
+        if odds > best[0] and (own or fits):  # of a sensor that is mounted turned, only if it fits
+            best = (odds, name, (k, share))
     found = replace(motion, ay=best[1], links={**motion.links, "V r": best[2]} if best[1] else motion.links)
     return _with_units(grid, found)
 
@@ -432,18 +504,14 @@ def _with_units(grid: ColumnGrid, motion: MotionColumns) -> MotionColumns:
 
 
 def acceleration_units(grid: ColumnGrid, motion: MotionColumns) -> tuple[str, ...]:
-    """The units in which a_y may be, best first: by its name, by gravity, or those in which it is V r."""
+    """The units in which a_y may be: of its name, of gravity, or in which it is V r; several without V."""
     name = motion.ay
     told = unit_in(grid.made.get(name, {}).get("columns", [name])[0])
     if told in ACCELERATION_UNITS or (told := _gravity_unit(grid, name)):
         return (told,)
-    if not speed_is_known(grid, motion):
-        return tuple(u for u in ACCELERATION_UNITS if u != "g")
-    k = abs(motion.links["V r"][0]) + 1e-12
-    one = FACTORS["m/s"][motion.units["speed"]] * FACTORS["rad/s"][motion.units["r"]]
-    away = {u: abs(log(k * FACTORS["m/s^2"][u] / one)) for u in ACCELERATION_UNITS}
-    near = sorted(away, key=lambda u: away[u])
-    return (near[0], *(u for u in near[1:] if away[u] < NO_UNIT or away[near[0]] > NO_UNIT))
+    if speed_is_known(grid, motion):
+        return (motion.units["ay"],)
+    return tuple(u for u in ACCELERATION_UNITS if u != "g")
 
 
 def _angle_unit(grid: ColumnGrid, name: str) -> str:
