@@ -120,26 +120,40 @@ def _next_level(
 ) -> list[Fitted]:
     """The best of a level with one more effect each."""
     alone = {next(iter(e.effects)): e for e in pool.values() if len(e.effects) == 1}
-    starts: dict[frozenset[str], Starts] = {}
+    starts: dict[frozenset[str], tuple[float, Starts]] = {}
     for one in level:
         free = [e for e in effects if e.id not in one.model.ids]
         new = [e for e in free if one.effects | {e.id} not in {*pool, *starts}]
-        promising = _promising(problem, one, new, width, alone)
-        starts |= {one.effects | {effect}: some for effect, some in promising.items()}
-    return list(side_by_side(partial(_best_of, problem), list(starts.values())))
+        for found in _promising(problem, one, new, width, alone):
+            known = None if found.effect in DEGREES_OF_FREEDOM else one
+            start = found.model, {**one.x, **found.start}, known
+            starts[one.effects | {found.effect}] = one.cost - found.predicted, [start]
+    if not starts:
+        return []
+    first, *others = (some for _, some in sorted(starts.values(), key=lambda pair: pair[0]))
+    best = _best_of(problem, first)
+    useful = _useful(min((best, *pool.values()), key=lambda e: e.cost))
+    return [best, *side_by_side(lambda some: _best_of(problem, some, useful), others)]
 
 
 def _finished(problem: Problem, pool: Sequence[Fitted]) -> list[Fitted]:
     """Those of a pool that may be right and were not fitted to the end, fitted so, in their best forms."""
-    useful = _useful(min(pool, key=lambda e: e.cost))
-    rivals = [e for e in pool if not e.finished and e.cost < useful]
-    return list(side_by_side(lambda e: refitted(problem, fit(problem, e.model, e.x, known=e)), rivals))
+    best = min(pool, key=lambda e: e.cost)
+    done = [] if best.finished else [refitted(problem, fit(problem, best.model, best.x, known=best))]
+    useful = _useful(min((best, *done), key=lambda e: e.cost))
+    rivals = [e for e in pool if e is not best and not e.finished and e.cost < useful]
+
+    def finished(e: Fitted) -> Fitted:
+        found = fit(problem, e.model, e.x, known=e, useful=useful)
+        return refitted(problem, found) if found.finished else found
+
+    return [*done, *side_by_side(finished, rivals)]
 
 
 def _promising(
     problem: Problem, base: Fitted, effects: Sequence[Effect], width: int, alone: Mapping[str, Fitted]
-) -> dict[str, Starts]:
-    """{effect: its linear prediction} of the effects that promise most, as many as the width."""
+) -> list[Screened]:
+    """The linear predictions of the effects that promise most, as many as the width."""
     space = tangent(base)
 
     def promise(e: Effect) -> Screened | None:
@@ -150,11 +164,7 @@ def _promising(
         return max((f for f in found if f), key=lambda f: f.predicted, default=None)
 
     screened = [s for s in side_by_side(promise, effects) if s and s.predicted > WORTH * base.overdispersion]
-    chosen = sorted(screened, key=lambda s: -s.predicted)[:width]
-    return {
-        s.effect: [(s.model, {**base.x, **s.start}, None if s.effect in DEGREES_OF_FREEDOM else base)]
-        for s in chosen
-    }
+    return sorted(screened, key=lambda s: -s.predicted)[:width]
 
 
 def _from_afar(problem: Problem, base: Fitted, effects: Sequence[Effect]) -> list[Fitted]:
