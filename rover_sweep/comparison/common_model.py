@@ -24,7 +24,7 @@ from rover_sweep.diagnosis.posterior.model_fit import with_floor_of
 from rover_sweep.diagnosis.posterior.parameter_intervals import fit_covariance
 from rover_sweep.diagnosis.problem.least_squares import (
     Fitted,
-    columns,
+    columns_of_runs,
     cost_of,
     fit,
     sensitivities,
@@ -275,7 +275,8 @@ def side_of(
         added = sum(len(added_coordinates(model.law(name))) for name in model.effects)
         if cost_of(bare[0], bare[1]) < cost_of(bare[0], closest) + PENALTY * added:
             plain, closest = bare
-    metric = plain.in_metric(columns(speed_drift(plain, closest), plain.size))
+    errors = columns_of_runs(plain, speed_drift(plain, closest))
+    metric = plain.in_metric(np.zeros((plain.size, 1)), errors)
     fitted = fit(metric, model, closest.x, closest.free)
     held = {c.name for c in model.free} - {c.name for c in closest.free}
     own = {c.name for name in model.effects for c in added_coordinates(model.law(name))}

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -121,6 +122,7 @@ def sinc_interpolated(grid: Array, values: NDArray[Any], w: Array) -> NDArray[An
 OVERLAP = 0.8  # of neighbouring windows
 PER_PERIOD = 24  # samples per period of w_max; faster even samples are averaged
 EVEN = 0.05  # largest sd of the sampling step over the step, of even samples
+KERNELS = 16  # kept: the channels of four runs, up to 15 MB each
 MANY = 500  # frequencies; from this number on, spectra are computed on even grids and interpolated
 OVERLAP_CONSTANT = 0.50**0.5  # C of the random error at 80 % overlap (Tischler & Remple 2012)
 
@@ -237,7 +239,6 @@ class Transformer:
     ) -> None:
         self.w, self.even, self.w_max = w, even, w_max or float(w[-1])
         self.windows = [(window_starts(start, end, length), length) for length in lengths]
-        self._kernels: list[tuple[Array, Exponentials | EvenExponentials]] = []
 
     def __call__(self, signal: Signal) -> list[Complex]:
         """Transforms (n_windows, n_w), unit s, for each length."""
@@ -247,20 +248,20 @@ class Transformer:
         return [self._windowed(weighted, starts, length) / cell for starts, length in self.windows]
 
     def _windowed(self, weighted: Signal, starts: Array, length: float) -> Complex:
-        t, kernel = weighted.t, self._kernel(weighted.t)
+        t = weighted.t
+        kernel = _kernel(t.tobytes(), self.w.tobytes(), self.even)
         rows = np.empty((starts.size, self.w.size), dtype=complex)
         for i, s in enumerate(starts):
             lo, hi = np.searchsorted(t, (s, s + length))
             rows[i] = kernel.sum(lo, hi, hann((t[lo:hi] - s) / length) * weighted.x[lo:hi])
         return rows
 
-    def _kernel(self, t: Array) -> Exponentials | EvenExponentials:
-        for known, kernel in self._kernels:
-            if known.size == t.size and np.array_equal(known, t):
-                return kernel
-        made = EvenExponentials(t, self.w) if self.even else Exponentials(t, self.w)
-        self._kernels.append((t, made))
-        return made
+
+@lru_cache(maxsize=KERNELS)
+def _kernel(t: bytes, w: bytes, even: bool) -> Exponentials | EvenExponentials:
+    """The exponentials of time stamps and frequencies, given as the bytes of their arrays."""
+    stamps, frequencies = np.frombuffer(t), np.frombuffer(w)
+    return EvenExponentials(stamps, frequencies) if even else Exponentials(stamps, frequencies)
 
 
 def _transformers(

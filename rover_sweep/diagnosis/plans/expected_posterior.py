@@ -453,7 +453,8 @@ def basis(run: Experiment, given: Assumed) -> Basis:
     else:
         errors = errors_of_responses(problem, base)
         shared += [*errors_of_coefficients(problem, base), *errors]
-        own += [*speed_drift(problem, base), *(replace(s, rows=s.rows * (OWN / COMMON)) for s in errors)]
+        own += [replace(s, run=None) for s in speed_drift(problem, base)]  # the problem has one run
+        own += [replace(s, rows=s.rows * (OWN / COMMON)) for s in errors]
     keys = [
         *(("nominal", c.name) for c in model.free),
         *(("usual", f"{s.effect} {s.parameter}") for s in shared),

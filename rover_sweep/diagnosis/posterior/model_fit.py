@@ -26,6 +26,7 @@ from rover_sweep.diagnosis.problem.least_squares import (
     Fitted,
     Signature,
     columns,
+    columns_of_runs,
     fit,
     signatures,
     speed_drift,
@@ -206,18 +207,24 @@ def errors_of_coefficients(problem: Problem, fitted: Fitted) -> Iterator[Signatu
 
 
 def errors_of_responses(problem: Problem, fitted: Fitted) -> list[Signature]:
-    """Gain and phase errors by octave and channel."""
+    """Gain and phase errors by octave and channel: of all runs, and of each one."""
     modelled = problem.plain_models(fitted.model, [fitted.x])[0]
     out = []
     for channel in dict.fromkeys(r.channel for r in problem.rows):
         runs = [r for r in problem.rows if r.channel == channel]
-        for size, members in ((COMMON, runs), *((OWN, [r]) for r in runs if len(runs) > 1)):
-            out += list(_of_response(channel, size, members, modelled))
+        out += list(_of_response(channel, COMMON, runs, modelled))
+        for r in runs if len(runs) > 1 else ():
+            own = problem.rows_of(r.run)
+            at = replace(r, start=r.start - own.start)
+            out += [replace(s, run=r.run) for s in _of_response(channel, OWN, [at], modelled[own])]
     return out
 
 
 def _of_response(channel: str, size: float, members: list[Rows], modelled: Array) -> Iterator[Signature]:
-    """The signatures of one channel in some runs: gain and phase of each octave that their lines reach."""
+    """The signatures of one channel in some runs: gain and phase of each octave that their lines reach.
+
+    modelled (n,): rows of the model, to which the starts of the members refer.
+    """
     for knot in range(KNOTS.size):
         gain, phase = np.zeros(modelled.size), np.zeros(modelled.size)
         for r in members:
@@ -294,7 +301,7 @@ def in_metric_of(plain: Problem, fitted: Fitted) -> Problem:
     # what people know of a part counts in full, as a prior does; equations and estimator are as inexact
     # as the rows
     both = columns(usual, plain.size), columns(measured, plain.size) / np.sqrt(COARSE)
-    return given.in_metric(np.column_stack(both))
+    return given.in_metric(np.column_stack(both), columns_of_runs(plain, usual))
 
 
 def fit_with_floor(

@@ -43,7 +43,7 @@ from scipy.optimize import lsq_linear
 
 from rover_sweep.data.recording import Array
 from rover_sweep.diagnosis.effects import Effect, EffectParameter
-from rover_sweep.diagnosis.problem.residuals import Problem, whitened
+from rover_sweep.diagnosis.problem.residuals import Problem, whitened_run
 from rover_sweep.diagnosis.simulation.candidates import DEGREES_OF_FREEDOM, Coordinate, Model
 from rover_sweep.diagnosis.simulation.experiment import SPEED_ERROR
 from rover_sweep.diagnosis.simulation.simulator import FittedModel, logged
@@ -328,12 +328,16 @@ def cost_of(problem: Problem, fitted: Fitted) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Signature:
-    """One parameter of one effect: the whitened rows (n,) that `size` of its coordinate adds."""
+    """One parameter of one effect: the whitened rows (n,) that `size` of its coordinate adds.
+
+    run: index of the run whose rows they are; None: of all runs.
+    """
 
     effect: str
     parameter: str
     size: float
     rows: Array
+    run: int | None = None
 
 
 def signatures(
@@ -379,8 +383,15 @@ def _wanted(
 
 
 def columns(found: Sequence[Signature], size: int) -> Array:
-    """Signatures as columns (size, k); zeros (size, 1) if none."""
-    return np.column_stack([s.rows for s in found]) if found else np.zeros((size, 1))
+    """Signatures of all runs as columns (size, k); zeros (size, 1) if none."""
+    shared = [s.rows for s in found if s.run is None]
+    return np.column_stack(shared) if shared else np.zeros((size, 1))
+
+
+def columns_of_runs(problem: Problem, found: Sequence[Signature]) -> list[Array]:
+    """Signatures of each run as columns (its rows, k)."""
+    own = [[s.rows for s in found if s.run == run] for run in range(len(problem.runs))]
+    return [np.column_stack(some) if some else np.empty((0, 0)) for some in own]
 
 
 # The slow error of the measured speed, a nuisance of every recording.
@@ -400,7 +411,7 @@ def speed_drift(problem: Problem, fitted: Fitted) -> list[Signature]:
 
 def _of_run(problem: Problem, fitted: Fitted, index: int) -> Iterator[Signature]:
     run = problem.runs[index]
-    rows = tuple(r for r in problem.rows if r.run == index)
+    rows = [r for r in problem.rows if r.run == index]
     now = logged(run, fitted.model, fitted.x)
     length = float(run.t[-1])
     waves = int(FASTEST * length)
@@ -410,11 +421,6 @@ def _of_run(problem: Problem, fitted: Fitted, index: int) -> Iterator[Signature]
         error = SPEED_ERROR / np.sqrt(waves) * np.cos(2 * np.pi * number * run.t / length + phase)
         moved = logged(replace(run, speed=run.speed + error), fitted.model, fitted.x)
         change = {c: moved[c] - now[c] for c in moved}
-        logs = [change if r == index else {} for r in range(len(problem.runs))]
-        parts, start, column = whitened(rows, problem.runs, logs), 0, np.zeros(problem.size)
-        for r in rows:
-            column[r.start : r.start + r.size] = parts[start : start + r.size]
-            start += r.size
-        return Signature("speed", f"{run.name} {number}", SPEED_ERROR, column)
+        return Signature("speed", f"{run.name} {number}", SPEED_ERROR, whitened_run(rows, run, change), index)
 
     return side_by_side(signature, [(n, p) for n in range(1, waves + 1) for p in (0.0, 0.5 * np.pi)])

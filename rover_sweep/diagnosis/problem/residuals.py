@@ -54,8 +54,8 @@ class Rows:
 
 
 @dataclass(frozen=True, eq=False)
-class Metric:
-    """(I + s s^T)^(-1/2) = I + s inner s^T, in which noise and normal tolerances count the same.
+class Directions:
+    """(I + s s^T)^(-1/2) = I + s inner s^T, in which noise and some tolerances count the same.
 
     s (rows, k): orthogonal combinations of the tolerances' rows at one standard deviation, if their square
     g^2 is above `FAINT`. inner (k, k): diagonal, h(g^2) with h(x) = (1/sqrt(1 + x) - 1)/x.
@@ -66,22 +66,58 @@ class Metric:
     single: NDArray[np.float32]
 
     @staticmethod
-    def of_directions(s: Array) -> Metric:
-        """The metric of tolerances whose rows at one standard deviation are the columns of s (rows, k)."""
+    def of_columns(s: Array) -> Directions:
+        """Those of tolerances whose rows at one standard deviation are the columns of s (rows, k)."""
         square, v = np.linalg.eigh(s.T @ s)
         kept = square > FAINT
         square, turned = square[kept], s @ v[:, kept]
         inner = np.diag(np.expm1(-0.5 * np.log1p(square)) / square)
-        return Metric(turned, inner, turned.astype(np.float32))
+        return Directions(turned, inner, turned.astype(np.float32))
 
     def of(self, rows: Array) -> Array:
-        """Rows (n,) or (n, k) in the metric."""
+        """Rows (n,) or (n, k) with these tolerances."""
         return rows + self.s @ (self.inner @ (self.s.T @ rows))
 
     def of_small(self, rows: Array) -> Array:
         """Like `of` to seven digits, for differences of rows: half the data and half the time."""
         along = self.inner @ (self.single.T @ rows.astype(np.float32)).astype(np.float64)
         return rows + self.single @ along.astype(np.float32)
+
+
+@dataclass(frozen=True, eq=False)
+class Metric:
+    """Noise and normal tolerances count the same in it: those of each run, then the shared ones.
+
+    own: {rows of a run: its tolerances}. With W of the own ones, W (I + sum of own s s^T) W^T = I, so the
+    shared ones have the rows W s. So work and memory grow with the number of runs, not with its square.
+    """
+
+    own: tuple[tuple[slice, Directions], ...]
+    shared: Directions
+
+    @staticmethod
+    def of_columns(shared: Array, own: Sequence[tuple[slice, Array]] = ()) -> Metric:
+        """The metric of tolerances whose rows at one standard deviation are the columns of shared (rows, k),
+        and of own (rows of the run, k)."""
+        found = tuple((rows, Directions.of_columns(s)) for rows, s in own)
+        turned = shared.copy()
+        for rows, directions in found:
+            turned[rows] = directions.of(shared[rows])
+        return Metric(found, Directions.of_columns(turned))
+
+    def of(self, rows: Array) -> Array:
+        """Rows (n,) or (n, k) in the metric."""
+        out = rows.copy()
+        for of, directions in self.own:
+            out[of] = directions.of(rows[of])
+        return self.shared.of(out)
+
+    def of_small(self, rows: Array) -> Array:
+        """Like `of` to seven digits, for differences of rows."""
+        out = rows.copy()
+        for of, directions in self.own:
+            out[of] = directions.of_small(rows[of])
+        return self.shared.of_small(out)
 
 
 class Stopped(Exception):
@@ -171,10 +207,18 @@ class Problem:
         turn = (slice(None), None) if rows.ndim == 2 else slice(None)
         return self.measured[turn] + self.metric.of_small(rows - self.plain_measured[turn])
 
-    def in_metric(self, s: Array) -> Problem:
-        """The same problem with tolerances; s (size, k): their rows at one standard deviation as columns."""
-        metric = Metric.of_directions(s)
+    def in_metric(self, shared: Array, own: Sequence[Array] = ()) -> Problem:
+        """The same problem with tolerances: their rows at one standard deviation as columns.
+
+        shared (size, k): of all runs; own: of each run (its rows, k), in order.
+        """
+        metric = Metric.of_columns(shared, [(self.rows_of(run), s) for run, s in enumerate(own) if s.size])
         return replace(self, measured=metric.of(self.plain_measured), metric=metric)
+
+    def rows_of(self, run: int) -> slice:
+        """The rows of a run, by its index."""
+        own = [row for row in self.rows if row.run == run]
+        return slice(own[0].start, own[-1].start + own[-1].size) if own else slice(0, 0)
 
     @property
     def plain(self) -> Problem:
