@@ -19,7 +19,7 @@ within the bounds, found exactly (Stark and Parker 1995), with damping diag(J^T 
 not bring what was expected (Marquardt 1963). After each step the Jacobian takes in how the rows changed
 (Broyden 1965). Where it predicts badly, or nothing more, it is computed again, near the end by differences to
 both sides. A fit is finished when a Jacobian computed at x expects a drop below `FINISHED` of a row's
-variance, a thirtieth of a standard deviation. So its result does not depend on the way there.
+variance, a sixtieth of a standard deviation. So its result does not depend on the way there.
 
 The derivatives are those of steadied runs, whose speed has no error (`Experiment.steadied`), at the residual
 of the runs as they are. The runs are steadied again with each Jacobian.
@@ -53,7 +53,7 @@ COARSE = 6.0
 """Rows that count as one; with `posterior.weights` it has the best mean log score on drawn rovers."""
 FAR_OFF = 1.5  # mean square of a row from which a fit is far off
 WEAK = 1e-9  # information on a coordinate without a prior, so that a singular problem can be inverted
-FINISHED, ROUGH = 1e-3, 1.0  # drop of the cost over a row's variance below which a fit is finished
+FINISHED, ROUGH = 3e-4, 1.0  # drop of the cost over a row's variance below which a fit is finished
 TRUSTED = 0.25  # share of the expected drop from which a Jacobian serves for one more step
 UNEXPECTED = 0.1  # least share that a new Jacobian expects of the drops that follow, in 300 fits from afar
 LEAST_DAMPING = 1e-3
