@@ -83,7 +83,8 @@ def of_parameters(fit: FitResult, thetas: Array) -> ByName[Estimate]:
         sd = bias = nan
         if isfinite(low):
             sd, bias = float(np.std(theta, ddof=1)), float(np.mean(theta) - p.value)
-        e = replace(e, low=max(low, p.lower), high=min(high, p.upper), sd=sd, bias=bias)
+        if not e.at_bound:
+            e = replace(e, low=max(low, p.lower), high=min(high, p.upper), sd=sd, bias=bias)
         out.append(replace(e, replicates=theta.size, failed=failed))
     return ByName(out)
 

@@ -217,7 +217,8 @@ class Estimate(Quantity):
     bicycle and roll-yaw model it includes errors of the structure, see `with_structural_error`. low, high, sd
     and bias are nan when more than half of the replicates failed.
     cr_percent, insensitivity_percent: equations (13) and (14) in % of |value|, None for a fixed parameter
-    and infinite for a value of 0. at_bound: where the fit ran into a bound; a delay of 0 is a result.
+    and infinite for a value of 0. at_bound: where the fit ran into a bound; a delay of 0 is a result. Such an
+    estimate has no interval.
     sd, bias: standard deviation of the estimate and bias of the method by the bootstrap, of the noise alone.
     replicates: number that converged; failed: number that did not.
     """
@@ -363,7 +364,7 @@ def evaluated(structure: ModelStructure, conditions: Sequence[Condition], spread
             p.free,
             *by_name.get(p.name, (None, None)),
             p.free
-            and (p.value <= p.lower * (1 + 1e-3) + 1e-9 or p.value >= p.upper * (1 - 1e-3))
+            and any(abs(p.value - end) <= 1e-3 * abs(end) + 1e-9 for end in (p.lower, p.upper))
             and not (p.name in structure.delays and p.value < NO_DELAY),
         )
         for p in structure.parameters

@@ -76,6 +76,22 @@ def test_a_structure_is_fitted_beside_the_models(run):
     assert of_file.verification[0].tic == pytest.approx(built_in.verification[0].tic, rel=1e-3)
 
 
+@pytest.mark.parametrize("ends, at_bound", [((-5.0, -1.0), True), ((-200.0, -1.0), False)])
+def test_a_parameter_at_a_negative_bound_is_no_result(run, ends, at_bound):
+    text = (FILES / "bicycle.toml").read_text(encoding="utf-8")
+    law = '"-C*(a**2 + b**2)/(Izz*V)"'
+    assert law in text
+    low, high = ends
+    more = f'Nr = {{ value = -3, unit = "1/s", free = true, lower = {low}, upper = {high} }}\n\n[matrices]'
+    structure = structure_from_text(text.replace(law, '"Nr"').replace("\n[matrices]", more))
+    found = identify([run], GEOMETRY, [], Settings(models=("bicycle",), bootstrap=20), [structure])
+    result = found.models[structure.name]
+    estimate = result.fit["Nr"]
+    assert estimate.at_bound is at_bound
+    assert (estimate.interval_90 is None) is at_bound
+    assert not at_bound or result.verdict.level in ("poor", "not identifiable")
+
+
 def test_conditioning_takes_the_throttle_out(pulled):
     models = ("bicycle",)
     paper = Settings(models=models, as_paper=True)
