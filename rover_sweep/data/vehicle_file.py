@@ -32,10 +32,11 @@ Model = Literal["bicycle", "roll-yaw", "lumped"]
 MODELS: tuple[str, ...] = get_args(Model)
 
 # Keys that a model needs in addition to mass, a and b, which every file has.
+ROLL = ("sprung_mass", "cg_height_above_roll_centre", "roll_inertia")
 NEEDED: dict[Model, tuple[str, ...]] = {
     "bicycle": (),
-    "roll-yaw": ("sprung_mass", "cg_height_above_roll_centre", "roll_inertia"),
-    "lumped": (),
+    "roll-yaw": ROLL,
+    "lumped": ROLL,  # its fit begins at the derivatives of a roll-yaw model
 }
 
 

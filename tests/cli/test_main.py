@@ -233,6 +233,7 @@ def test_vehicle_example_and_check(tmp_path: Path, capsys: pytest.CaptureFixture
     assert main.run(["vehicle", "check", str(path)]) == 0
     shown = " ".join(capsys.readouterr().out.split())
     assert "bicycle: sufficient" in shown and "roll-yaw: also needs sprung_mass" in shown
+    assert "lumped: also needs sprung_mass" in shown
     assert "no [steering]" in shown and "no [imu] position" in shown
     path.write_text(example().replace("mass = { value = 2.66,", "mass = { value = 26.6,"))
     assert main.run(["vehicle", "check", str(path)]) == 2

@@ -143,6 +143,8 @@ def test_what_to_do_first_names_runs_to_repeat_refusals_and_missing_verification
     told = to_do(replace(nominal.result, coherence=(poor,)), nominal.provenance)
     assert told[0] == f"run1: {sentence}"
     assert any("roll rate does not follow" in text for text in to_do(*stock))
+    why = "the lumped model needs roll_inertia in the vehicle file"  # a text without a colon
+    assert why in to_do(replace(nominal.result, refused={"lumped": why}), nominal.provenance)
 
 
 def terminal(case: Any, width: int, full: bool = False) -> str:

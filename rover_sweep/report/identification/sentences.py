@@ -251,7 +251,7 @@ def to_do(result: Identification, provenance: Provenance) -> tuple[str, ...]:
     if not provenance.verify_runs:
         wanted[missing] = None
     said = " ".join(result.summary)
-    return tuple(w for w in wanted if w.partition(": ")[2].removeprefix("discard: ") not in said)
+    return tuple(w for w in wanted if (w.partition(": ")[2].removeprefix("discard: ") or w) not in said)
 
 
 def first_numbers(models: Mapping[str, ModelResult]) -> str:
