@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from os import fspath
 from pathlib import Path
@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from rover_sweep.api.read import Location, left_out_note
-from rover_sweep.data.recording import origin_remark
+from rover_sweep.data.recording import Signal, origin_remark
 from rover_sweep.data.results import ShortTable
 from rover_sweep.data.vehicle_file import load
 from rover_sweep.data.vehicle_geometry import geometry_of
@@ -103,6 +103,7 @@ def identify_driving(
     decided = [one.text for one in found.driving.contradictions if one.decided]
     warnings = [n.text for log in logs for n in log.notes if n.level == "warning" or log in foreign]
     notes = [
+        *_of_coarse_steering(found.driving.coarse),
         *(left_out_note(refusal).text for refusal in refused),
         *decided,
         *(words for words in warnings if words not in found.reasons),
@@ -114,6 +115,18 @@ def identify_driving(
         read=tuple(dict.fromkeys(filter(None, notes))),
         foreign=bool(foreign),
     )
+
+
+def _of_coarse_steering(steering: Signal | None) -> Iterator[str]:
+    """That the steering was logged seldom, what holds all the same, and what to change. None: it was not."""
+    if steering is None:
+        return
+    why = f"The steering ({steering.source}) was logged at {steering.rate:.0f} Hz only"
+    holds = "curvature and straight hold, and the intervals allow for its unknown way between samples"
+    change = "record a .tlog with SERVO_OUTPUT_RAW at 50 Hz, or log with the applet"
+    if steering.source.startswith("RCOU"):
+        change = f"no bit of LOG_BITMASK logs it faster: {change}"
+    yield f"{why}: {holds}. For quick motion {change}"
 
 
 def _is_foreign(log: Log) -> bool:

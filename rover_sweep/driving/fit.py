@@ -13,6 +13,11 @@ two lags in series and the known low-pass of the gyro: T of the steering, and c 
 the neutral bicycle model's yaw rate follows the steering exactly so, with c = Izz/(a^2 Cf + b^2 Cr). No mass,
 length or steering ratio is needed.
 
+The recording is part of the law. Between samples of a steering that was logged seldom, u goes a share
+`smooth` of the way from straight lines to a cubic spline. A steering that steps between samples does so at a
+common `phase` of their interval, which hides the delay. A yaw rate that was sampled seldom is compared at its
+samples. A low-pass of the gyro that is not known is between the factory's and none.
+
 Road and wind make an error that is not white: it is whitened by an autoregression of the residual (Ljung,
 System Identification, 7.3), and the covariance counts blocks of `BLOCK` seconds as the independent pieces
 (Liang and Zeger 1986), so that repetition in a turn is not counted as new.
@@ -25,12 +30,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 from scipy.optimize import least_squares
 from scipy.signal import butter, lfilter, lfilter_zi
 from scipy.stats import t as student
 
-from rover_sweep.data.recording import Array, LowPass
+from rover_sweep.data.recording import ASSUMED, Array, LowPass
 from rover_sweep.driving.stretches import RATE, DrivenPart
+from rover_sweep.logs.log import GYRO_FACTORY_HZ
 
 BLOCK, SHORT_BLOCK = 5.0, 2.0  # s, longer than a turn's memory; the shorter one in short driving
 BLOCKS = 24  # fewest, before they become shorter
@@ -46,13 +53,19 @@ SETTLED = round(1.0 * RATE)  # samples at the begin of a stretch, in which the l
 PIECE = 20.0  # s, of the pieces that are predicted from the others
 UNEVEN = 0.02  # share of the steering in one half, below which the pieces are shorter: `BLOCK`
 FARTHEST = 2.0  # amplitudes, up to which the steering curve bends
+WAY = 0.3  # sd of how far the way between samples is from any mixture of a straight line and a spline
+FACTORY = LowPass(GYRO_FACTORY_HZ, ASSUMED)
 LIMIT = 4.0  # of the whitened error, in its sd; beyond it, a sample counts less (Huber)
 
-NAMES = ("gain", "straight", "bias", "delay", "lag", "tyre_lag", "understeer", "bend", "side", "curve")
-LOW = np.array([-np.inf, -np.inf, -np.inf, 0.0, 0.0, 0.0, -np.inf, 0.0, -0.5, -0.5])
-HIGH = np.array([np.inf, np.inf, np.inf, 0.6, 0.6, 0.3, 1.0, 0.06, 0.5, 0.5])
-USUAL = np.array([0.0, 0.0, 0.0, 0.05, 0.05, 0.04, 0.0, 0.0, 0.0, 0.0])
-SPREAD = np.array([np.inf, np.inf, 0.02, 0.2, 0.2, 0.1, 0.1, 0.03, 0.05, 0.05])
+NAMES = (
+    *("gain", "straight", "bias", "delay", "lag", "tyre_lag"),
+    *("understeer", "bend", "side", "curve", "smooth", "phase"),
+)
+SMOOTH, PHASE = NAMES.index("smooth"), NAMES.index("phase")
+LOW = np.array([-np.inf, -np.inf, -np.inf, 0.0, 0.0, 0.0, -np.inf, 0.0, -0.5, -0.5, -0.5, -0.5])
+HIGH = np.array([np.inf, np.inf, np.inf, 0.6, 0.6, 0.3, 1.0, 0.06, 0.5, 0.5, 1.5, 0.5])
+USUAL = np.array([0.0, 0.0, 0.0, 0.05, 0.05, 0.04, 0.0, 0.0, 0.0, 0.0, 0.5, 0.0])
+SPREAD = np.array([np.inf, np.inf, 0.02, 0.2, 0.2, 0.1, 0.1, 0.03, 0.05, 0.05, 0.5, 0.5])
 """Mean and standard deviation over rovers: wide, so they affect only numbers that driving leaves open."""
 Known = Mapping[str, tuple[float, float]]
 """{name: (value, standard deviation)} known beforehand."""
@@ -61,12 +74,13 @@ OF_SPEED = ("tyre_lag", "understeer", "curve")  # only driving at several speeds
 
 @dataclass(frozen=True, eq=False)
 class DrivingFit:
-    """values (10,) and their covariance (10, 10) in the order of NAMES, zero for held names.
+    """values (12,) and their covariance (12, 12) in the order of NAMES, zero for held names.
 
-    structure (10, 10): covariance of the law's own errors, which more driving does not reduce.
+    structure (12, 12): covariance of the law's own errors, which more driving does not reduce.
 
     gain g [1/m per unit of steering], straight u0 [unit of steering], bias b [rad/s], delay tau [s], lag T
-    [s], tyre_lag c [s^2/m], understeer k [s^2/m^2], bend q [s^4/m^2], side h and curve s [-]. amplitude: X
+    [s], tyre_lag c [s^2/m], understeer k [s^2/m^2], bend q [s^4/m^2], side h and curve s [-], smooth [-] and
+    phase [intervals between samples, from their middle] of a steering that was logged seldom. amplitude: X
     [unit of steering]. held: names that this driving cannot show. explained: share of the yaw rate's
     variance that the model gives in pieces it was not fitted to.
     dof: independent blocks beyond the parameters.
@@ -99,10 +113,10 @@ def fit_driving(
     ValueError where no stretch is longer than `SETTLED` samples.
     """
     problem = _Problem(stretches, known, held)
-    theta = problem.solved()
+    theta, of_low_pass = _whatever_low_pass(problem)
     covariance, dof = problem.covariance(theta)
     structure = _structure(theta, problem.stretches) + problem.of_speed_error(theta)
-    structure = structure + _of_speed_scale(theta, speed_sd)
+    structure = structure + _of_speed_scale(theta, speed_sd) + problem.of_way(theta) + of_low_pass
     explained = _explained(stretches, known, held)
     return DrivingFit(theta, covariance, structure, problem.amplitude, tuple(held), explained, dof)
 
@@ -134,6 +148,8 @@ class _Problem:
         if not self.stretches:
             raise ValueError("no stretch of driving is long enough")
         self.free = np.array([name not in held for name in NAMES])
+        self.free[SMOOTH] = any(s.between and not s.in_steps for s in self.stretches)
+        self.free[PHASE] = any(s.in_steps for s in self.stretches)
         steering = np.concatenate([s.steered(0.0) for s in self.stretches])
         self.unit = max(float(np.std(steering)), 1e-9)
         self.amplitude = max(float(np.percentile(np.abs(steering - np.median(steering)), 95)), self.unit)
@@ -147,11 +163,11 @@ class _Problem:
         self.low[6] = -0.8 / fastest**2
         self.white, self.sd = np.array([1.0]), 1.0
         self.scale = np.array(
-            [1 / self.unit, self.unit, 0.01, 0.03, 0.03, 0.03, 0.3 / fastest**2, 0.01, 0.05, 0.05]
+            [1 / self.unit, self.unit, 0.01, 0.03, 0.03, 0.03, 0.3 / fastest**2, 0.01, 0.05, 0.05, 0.2, 0.2]
         )
 
     def solved(self) -> Array:
-        """The parameters (10,) of the least squares, whitened three times; the best of several starts."""
+        """The parameters (12,) of the least squares, whitened three times; the best of several starts."""
         starts = [
             min((self._start(delay, lag) for lag in (0.05, 0.2)), key=self._cost)
             for delay in (0.0, 0.1, 0.25)
@@ -167,8 +183,9 @@ class _Problem:
         theta = np.where(self.free, self.usual, 0.0)
         theta[[0, 3, 4]] = 1 / self.unit, delay, lag
         theta[1] = self.usual[1]
-        x = np.concatenate([_yaw_rate(s, theta, self.amplitude)[SETTLED:] for s in self.stretches])
-        y = np.concatenate([s.r[SETTLED:] for s in self.stretches])
+        models = (s.at_samples(_yaw_rate(s, theta, self.amplitude)) for s in self.stretches)
+        x = np.concatenate([x[_settled(s) :] for x, s in zip(models, self.stretches, strict=True)])
+        y = np.concatenate([s.measured[_settled(s) :] for s in self.stretches])
         theta[0] *= float(x @ y / max(x @ x, 1e-12))
         return theta
 
@@ -193,17 +210,21 @@ class _Problem:
         return float(np.sum(np.square(self._errors(theta))))
 
     def _errors(self, theta: Array) -> Array:
-        """Whitened errors of all stretches in their sd (n,), and those of the priors (10,)."""
-        parts = [self._whitened(s.r - _yaw_rate(s, theta, self.amplitude)) / self.sd for s in self.stretches]
+        """Whitened errors of all stretches in their sd (n,), and those of the priors (12,)."""
+        parts = [
+            np.asarray(lfilter(self.white, [1.0], _error(s, theta, self.amplitude)))[_settled(s) :] / self.sd
+            for s in self.stretches
+        ]
         return np.concatenate((*parts, (theta - self.usual) / self.spread))
-
-    def _whitened(self, error: Array) -> Array:
-        return np.asarray(lfilter(self.white, [1.0], error))[SETTLED:]
 
     def whiten(self, theta: Array) -> None:
         """The autoregression of the residuals, by least squares over all stretches."""
-        residuals = [(s.r - _yaw_rate(s, theta, self.amplitude))[SETTLED:] for s in self.stretches]
-        lags = range(1, ORDER + 1)
+        residuals = [_error(s, theta, self.amplitude)[_settled(s) :] for s in self.stretches]
+        long = [e for e in residuals if e.size > 2 * ORDER]
+        if not long:
+            self.white, self.sd = np.array([1.0]), max(float(np.std(np.concatenate(residuals))), 1e-9)
+            return
+        residuals, lags = long, range(1, ORDER + 1)
         x = np.concatenate([np.stack([e[ORDER - k : e.size - k] for k in lags], 1) for e in residuals])
         y = np.concatenate([e[ORDER:] for e in residuals])
         found = np.linalg.lstsq(x, y, rcond=None)[0]
@@ -211,7 +232,7 @@ class _Problem:
         self.sd = max(float(np.std(y - x @ found)), 1e-9)
 
     def covariance(self, theta: Array) -> tuple[Array, int]:
-        """Covariance (10, 10) by blocks, not below what independent errors leave; spare blocks."""
+        """Covariance (12, 12) by blocks, not below what independent errors leave; spare blocks."""
         errors = self._errors(theta)
         weight = np.minimum(1.0, LIMIT / np.maximum(np.abs(errors), 1e-12))
         j = self.slopes(theta) * np.sqrt(weight)[:, None]
@@ -238,29 +259,68 @@ class _Problem:
         return np.stack(columns, 1)
 
     def of_speed_error(self, theta: Array) -> Array:
-        """Covariance (10, 10) of what `SPEED_ERROR` does to the parameters, by one step of the search."""
+        """Covariance (12, 12) of what `SPEED_ERROR` does to the parameters."""
+        step = self._moved(theta, [replace(s, v=s.v + SPEED_ERROR * np.sign(s.v)) for s in self.stretches])
+        return np.outer(step, step)
+
+    def of_way(self, theta: Array) -> Array:
+        """Covariance (12, 12) of what `WAY` does to the parameters."""
+        if not self.free[SMOOTH]:
+            return np.zeros((len(NAMES), len(NAMES)))
+        other = theta.copy()
+        other[SMOOTH] += WAY
+        of_others = self.free.copy()
+        of_others[SMOOTH] = False
+        step = self._explaining(theta, self._errors(other) - self._errors(theta), of_others)
+        return np.outer(step, step)
+
+    def _moved(self, theta: Array, stretches: Sequence[DrivenPart]) -> Array:
+        """How far (12,) the parameters move if the driving was another one, by one step of the search."""
         exact, right = self._errors(theta), self.stretches
-        self.stretches = tuple(replace(s, v=s.v + SPEED_ERROR * np.sign(s.v)) for s in right)
+        self.stretches = tuple(stretches)
         moved = self._errors(theta)
         self.stretches = right
+        return self._explaining(theta, moved - exact, self.free)
+
+    def _explaining(self, theta: Array, more: Array, of: NDArray[np.bool_]) -> Array:
+        """The step (12,) of these parameters (12,) that takes back these errors (n,)."""
         step: Array = np.zeros(len(NAMES))
-        step[self.free] = np.linalg.lstsq(self.slopes(theta), exact - moved, rcond=None)[0]
-        return np.outer(step, step)
+        step[of] = np.linalg.lstsq(self.slopes(theta)[:, of[self.free]], -more, rcond=None)[0]
+        return step
 
     def _owners(self) -> np.ndarray:
         """The block (n,) of each error of the stretches."""
         found, first = [], 0
         seconds = sum(s.t.size - SETTLED for s in self.stretches) / RATE
-        block = round(min(BLOCK, max(SHORT_BLOCK, seconds / BLOCKS)) * RATE)
+        block = min(BLOCK, max(SHORT_BLOCK, seconds / BLOCKS))
         for s in self.stretches:
-            k = np.arange(s.t.size - SETTLED) // block
+            k = np.arange(s.measured.size - _settled(s)) // round(block * s.rate)
             found.append(first + k)
             first += int(k[-1]) + 1
         return np.concatenate(found)
 
 
+def _whatever_low_pass(problem: _Problem) -> tuple[Array, Array]:
+    """The parameters (12,), and the covariance (12, 12) of a gyro's low-pass that is not known.
+
+    It is between the factory's and none, and these two are the likeliest, so of the spread of a sine.
+    """
+    right = problem.stretches
+    if not any(s.low_pass_unknown for s in right):
+        return problem.solved(), np.zeros((len(NAMES), len(NAMES)))
+    ends = []
+    for low_pass in (FACTORY, None):
+        problem.stretches = tuple(s.behind(low_pass) for s in right)
+        ends.append(problem.solved())
+    problem.stretches = right
+    theta = 0.5 * (ends[0] + ends[1])
+    problem.whiten(theta)
+    half = 0.5 * (ends[0] - ends[1]) / np.sqrt(2)
+    return theta, np.outer(half, half)
+
+
 def _structure(theta: Array, stretches: Sequence[DrivenPart]) -> Array:
-    """Covariance (10, 10) of what the law leaves out: `SPLIT`, `WHOLE`, `TYRES`, `OTHER` and `LINEAR`."""
+    """Covariance (12, 12) of what the law leaves out: `SPLIT`, `WHOLE`, `TYRES`, `OTHER` and `LINEAR`."""
     speeds = np.concatenate([np.abs(s.v) for s in stretches])
     lags = theta[4] + theta[5] * float(np.mean(speeds))
     found = np.zeros((len(NAMES), len(NAMES)))
@@ -280,7 +340,7 @@ def _structure(theta: Array, stretches: Sequence[DrivenPart]) -> Array:
 
 
 def _of_speed_scale(theta: Array, sd: float) -> Array:
-    """Covariance (10, 10) of a speed that is wrong by a factor, of which `sd` is that of the logarithm.
+    """Covariance (12, 12) of a speed that is wrong by a factor, of which `sd` is that of the logarithm.
 
     The law is the same for s V with g/s, c/s, k/s^2 and, as a is V r, q/s^2.
     """
@@ -301,8 +361,8 @@ def _explained(stretches: Sequence[DrivenPart], known: Known, held: Sequence[str
         problem = _Problem(fitted, known, held)
         theta = problem.solved()
         for s in other:
-            error += float(np.sum(np.square(s.r - _yaw_rate(s, theta, problem.amplitude))[SETTLED:]))
-            total += float(np.sum(np.square(s.r - theta[2])[SETTLED:]))
+            error += float(np.sum(np.square(_error(s, theta, problem.amplitude))[_settled(s) :]))
+            total += float(np.sum(np.square(s.measured - theta[2])[_settled(s) :]))
     return 1.0 - error / total if total else 0.0
 
 
@@ -324,11 +384,21 @@ def _pieces(s: DrivenPart, length: float) -> list[DrivenPart]:
     return [replace(s, t=s.t[k], v=s.v[k], r=s.r[k]) for k in np.array_split(np.arange(s.t.size), count)]
 
 
+def _error(s: DrivenPart, theta: Array, amplitude: float) -> Array:
+    """The samples of the yaw rate less the model's (m,) rad/s."""
+    return s.measured - s.at_samples(_yaw_rate(s, theta, amplitude))
+
+
+def _settled(s: DrivenPart) -> int:
+    """Samples of the yaw rate in the first `SETTLED` of the grid."""
+    return round(SETTLED / RATE * s.rate)
+
+
 def _yaw_rate(s: DrivenPart, theta: Array, amplitude: float) -> Array:
     """The yaw rate (n,) rad/s of the module's text, starting at rest in the first sample."""
-    gain, straight, bias, delay, lag, tyre_lag, understeer, bend, side, curve = theta
+    gain, straight, bias, delay, lag, tyre_lag, understeer, bend, side, curve, smooth, phase = theta
     square = np.square(s.v)
-    x = s.steered(delay + _constant_delay(s.low_pass)) - straight
+    x = s.steered(delay + phase * s.between * s.in_steps + _constant_delay(s.low_pass), smooth) - straight
     asked = gain * x * (1 + side * np.sign(x) + curve * reached(x, amplitude))
     steady = s.v * asked / (1 + understeer * square + bend * np.square(square * asked))
     slow = tyre_time(tyre_lag, understeer, s.v)

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 from scipy.ndimage import uniform_filter1d
 
-from rover_sweep.data.recording import Array, LowPass, Mask, Signal, stretches
+from rover_sweep.data.recording import ASSUMED, Array, LowPass, Mask, Signal, stretches
 from rover_sweep.logs.find import still_intervals
 from rover_sweep.logs.log import Contradiction, Log, limits_of_steering
 
@@ -21,6 +23,9 @@ FASTEST_TURN = 6.0  # m/s^2 of V r: beyond it, tyres slide; up to it, the bend o
 LONGEST_SAME = 1.0  # s, of one value of a yaw rate that works
 LEAST_TURN, SPINNING = 1.0, 0.75  # m/s^2 of V r, and share of it in a_y, below which the wheels spin
 FULL = "of full steering"  # unit of a steering in -1 to 1, which is no angle
+SAME_RATE = 0.9  # of the grid's; a slower yaw rate is compared at its own samples
+STEP = 0.1  # share of a step that moves in the intervals beside it
+MOSTLY = 0.5  # of the motion in steps, as of a programmed manoeuvre: all may have one phase of the record
 STAIRCASE_HZ = 30.0  # a slower record of the steering is samples of something finer and is interpolated
 
 
@@ -28,7 +33,9 @@ STAIRCASE_HZ = 30.0  # a slower record of the steering is samples of something f
 class DrivenPart:
     """Uninterrupted driving: t (n,) s on the grid, speed v (n,) m/s (negative in reverse), yaw rate r (n,)
     rad/s, left positive. steering: the recorded output in its unit, on its own time stamps. low_pass: of
-    the recorded yaw rate, None where none is known.
+    the recorded yaw rate, None where none is known. between: seconds between samples of a steering of which
+    the motion between them is not known, else 0. samples: those of a yaw rate that was recorded slower than
+    the grid, None of a faster one.
     """
 
     name: str
@@ -37,10 +44,55 @@ class DrivenPart:
     r: Array
     steering: Signal
     low_pass: LowPass | None
+    between: float = 0.0
+    samples: Signal | None = None
 
-    def steered(self, delay: float) -> Array:
-        """The steering (n,) `delay` seconds before each time of the grid, in its unit."""
-        return self.steering.on(self.t - delay)
+    def steered(self, delay: float, smooth: float = 0.0) -> Array:
+        """The steering (n,) `delay` seconds before each time of the grid, in its unit.
+
+        smooth: share of the smoothest way between samples (a cubic spline); the rest goes straight.
+        """
+        straight = self.steering.on(self.t - delay)
+        if not self.between or self.in_steps or not smooth:
+            return straight
+        return straight + smooth * (self._spline(self.t - delay) - straight)
+
+    @property
+    def in_steps(self) -> bool:
+        """Whether the steering is steps, each at an unknown time between two samples."""
+        return bool(self.between) and self.steering.hold
+
+    @cached_property
+    def measured(self) -> Array:
+        """The yaw rate (m,) rad/s as it was sampled, no more often than the grid; see `at_samples`."""
+        return self.r if self.samples is None else self._within.x
+
+    def at_samples(self, x: Array) -> Array:
+        """Values (m,) at the samples of the yaw rate, of values (n,) on the grid."""
+        return x if self.samples is None else np.interp(self._within.t, self.t, x)
+
+    @property
+    def low_pass_unknown(self) -> bool:
+        """Whether the low-pass is between the factory's and none."""
+        return self.low_pass is not None and self.low_pass.source == ASSUMED
+
+    def behind(self, low_pass: LowPass | None) -> DrivenPart:
+        """With this low-pass in place of one that is not known."""
+        return replace(self, low_pass=low_pass) if self.low_pass_unknown else self
+
+    @property
+    def rate(self) -> float:
+        """Samples of the yaw rate a second, no more than the grid's, Hz."""
+        return RATE if self.samples is None else self.samples.rate
+
+    @cached_property
+    def _within(self) -> Signal:
+        assert self.samples is not None
+        return self.samples.between(float(self.t[0]), float(self.t[-1]))
+
+    @cached_property
+    def _spline(self) -> CubicSpline:
+        return CubicSpline(self.steering.t, self.steering.x)
 
     @property
     def seconds(self) -> float:
@@ -53,8 +105,9 @@ class Driving:
     """All usable driving of some logs. bias: of the yaw rate at standstill, rad/s, None without any.
 
     unit: of the steering, "us", "rad" or `FULL`. left_out: {reason: seconds}. limits: (lowest, highest)
-    steering output, None where unknown. trim: the configured neutral [us], None where unknown. course: True
-    where the yaw rate is that of the course over ground. contradictions: between channels of the logs.
+    steering output, None where unknown. trim: the configured neutral [us], None where unknown. coarse: the
+    steering where it was logged too seldom to show its way between samples. course: True where the yaw rate
+    is that of the course over ground. contradictions: between channels of the logs.
     """
 
     stretches: tuple[DrivenPart, ...]
@@ -63,6 +116,7 @@ class Driving:
     left_out: dict[str, float]
     limits: tuple[float, float] | None
     trim: float | None
+    coarse: Signal | None = None
     course: bool = False
     contradictions: tuple[Contradiction, ...] = ()
 
@@ -103,6 +157,7 @@ def usable_driving(logs: Sequence[Log]) -> Driving:
         left_out,
         first.limits,
         next((v for n, v in limits_of_steering(first.parameters).items() if n.endswith("_TRIM")), None),
+        next((part.steering for part in found if part.between), None),
         any("course" in log.unsure for log in logs),
         tuple(dict.fromkeys(one for log in logs for one in log.contradictions)),
     )
@@ -135,8 +190,16 @@ def _of_log(log: Log) -> tuple[list[DrivenPart], dict[str, float], Array]:
     }
     reasons[f"pieces shorter than {SHORTEST:g} s"] = ~used & ~np.any(list(reasons.values()), axis=0)
     low_pass = log.filters.get("r")
+    if (
+        low_pass is not None and low_pass.source == ASSUMED
+    ):  # its delay is the middle of those of 4 Hz and none
+        low_pass = replace(low_pass, cutoff_hz=2 * low_pass.cutoff_hz)
+    between = 1 / steering.rate if steering.rate < STAIRCASE_HZ else 0.0
+    steering = _in_steps(steering) if between and _share_of_steps(steering) > MOSTLY else steering
+    samples = yaw if yaw.rate < SAME_RATE * RATE else None
     found = [
-        DrivenPart(log.name, t[a : b + 1], v[a : b + 1], r[a : b + 1], steering, low_pass) for a, b in parts
+        DrivenPart(log.name, t[a : b + 1], v[a : b + 1], r[a : b + 1], steering, low_pass, between, samples)
+        for a, b in parts
     ]
     standing = [yaw.between(a, b).x for a, b in still_intervals(log)]
     seconds = {reason: float(mask.sum() / RATE) for reason, mask in reasons.items()}
@@ -154,6 +217,22 @@ def _continuous(steering: Signal, loop: float) -> Signal:
     if steering.rate >= STAIRCASE_HZ:
         return steering
     return replace(steering, t=steering.t + 0.5 * loop, hold=False)
+
+
+def _share_of_steps(steering: Signal) -> float:
+    """Share of the squared motion that takes place within one interval, with none beside it."""
+    moved = np.abs(np.diff(steering.x))
+    if moved.size < 3 or not moved.any():
+        return 0.0
+    beside = np.maximum(moved[:-2], moved[2:])
+    alone = np.square(moved[1:-1][beside < STEP * moved[1:-1]])
+    return float(alone.sum() / np.square(moved).sum())
+
+
+def _in_steps(steering: Signal) -> Signal:
+    """Samples as a steering that steps once from each to the next, in the middle between."""
+    edges = np.concatenate((steering.t[:1], 0.5 * (steering.t[1:] + steering.t[:-1])))
+    return replace(steering, t=edges, hold=True)
 
 
 def _in_holes(signal: Signal, t: Array) -> Mask:

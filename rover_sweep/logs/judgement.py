@@ -258,7 +258,8 @@ def _steering(run: Recording, log: Log) -> Iterator[Note]:
             "warning",
             f"Steering ({steering.source}) was recorded at {steering.rate:.0f} Hz: it resolves a smooth wave "
             f"up to {0.8 * np.pi * steering.rate:.0f} rad/s, and the time of a step only to "
-            f"{500 / steering.rate:.0f} ms; give also the .tlog, or log with the applet",
+            f"{500 / steering.rate:.0f} ms; no LOG_BITMASK logs it faster: give also the .tlog, "
+            "or log with the applet",
         )
     outputs = output_channels(log.parameters, STEERING)
     if len(outputs) > 1:

@@ -192,13 +192,17 @@ def sensor_filters(
             notes.append(
                 Note(
                     "warning",
-                    f"The log does not hold {name}: the default {factory:g} Hz is assumed; "
+                    f"The log does not hold {name}: models assume the default {factory:g} Hz{_allowed(key)}; "
                     f"give {key} if it was set to another value",
                 )
             )
         if cutoff:
             filters |= {c: LowPass(float(cutoff), source) for c in filtered}
     return filters, tuple(notes)
+
+
+def _allowed(key: str) -> str:
+    return ", and the numbers of any driving allow for no filter too" if key == "gyro_hz" else ""
 
 
 def increasing(t: Array, *columns: Array) -> tuple[Array, tuple[Array, ...]]:
