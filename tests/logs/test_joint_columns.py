@@ -115,3 +115,10 @@ def test_chance_among_many_columns_does_not_overrule_names(name: str, tmp_path: 
     found = guessed(tmp_path, named_ones | {name.format(n): x for n, x in enumerate(walks)}).map
     wanted = {"delta": "steering", "speed": "speed", "r": "yaw_rate"}
     assert {channel: named(found[channel]) for channel in wanted} == wanted
+
+
+def test_the_other_axes_of_a_phones_gyro_are_no_yaw_rates(tmp_path: Path) -> None:
+    axes = {"x": 0.01 * NOISE[0], "y": 0.01 * NOISE[1], "z": D["r"]}
+    gyro = {f"Gyroscope {axis} (rad/s)": x for axis, x in axes.items()}
+    found = guessed(tmp_path, {"Time (s)": D["t"], **gyro, "speed": D["v"]})
+    assert found.map["r"] == "Gyroscope z (rad/s)" and "fits alike" not in found.text()

@@ -25,7 +25,7 @@ _PATTERNS: dict[str, tuple[tuple[str, float], ...]] = {
         (r"\bz ?(gyro|rate)\b|\bangular (velocity )?(rate )?z\b", 1.0),
         (r"\bvehicle angular velocity xyz 2\b", 1.0),
         (r"\b(gierrate|gier(winkel)?geschwindigkeit|drehrate)\b", 1.0),
-        (r"\bomega\b|\bang(ular)? ?vel(ocity)?\b|\bw imu\b|\bgyro\b|^r$|^w$", 0.8),
+        (r"\b(omega|ang(ular)? ?vel(ocity)?|w imu|gyro)\b(?! ?[xy]\b)|^r$|^w$", 0.8),
         (r"^rate$", 0.5),
     ),
     "p": (
