@@ -17,8 +17,9 @@ from rover_sweep.data.vehicle_file import load
 from rover_sweep.data.vehicle_geometry import geometry_of
 from rover_sweep.driving.answer import DrivingAnswer, answer_from
 from rover_sweep.driving.consistency import with_one_clock, with_slope
+from rover_sweep.driving.stretches import OTHER_GYRO_HZ
 from rover_sweep.errors import DataRefused, UsageError
-from rover_sweep.logs.log import Log
+from rover_sweep.logs.log import GYRO_FACTORY_HZ, Log
 from rover_sweep.logs.read import READ, read_logs, usable_log
 from rover_sweep.logs.readers.tables import is_table_file
 from rover_sweep.report.driving import driving_document, driving_report
@@ -104,6 +105,7 @@ def identify_driving(
     warnings = [n.text for log in logs for n in log.notes if n.level == "warning" or log in foreign]
     notes = [
         *_of_coarse_steering(found.driving.coarse),
+        *([OTHER_GYRO] if foreign and found.driving.low_pass_unknown else []),
         *(left_out_note(refusal).text for refusal in refused),
         *decided,
         *(words for words in warnings if words not in found.reasons),
@@ -115,6 +117,13 @@ def identify_driving(
         read=tuple(dict.fromkeys(filter(None, notes))),
         foreign=bool(foreign),
     )
+
+
+OTHER_GYRO = (
+    f"The file does not say how its gyro is filtered: the response time allows for a low-pass of "
+    f"{OTHER_GYRO_HZ:g} Hz ({GYRO_FACTORY_HZ:g} Hz where the steering is in us) or none; give "
+    "filters = {gyro_hz = ..} in a column map"
+)
 
 
 def _of_coarse_steering(steering: Signal | None) -> Iterator[str]:

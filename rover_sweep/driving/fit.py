@@ -16,7 +16,7 @@ length or steering ratio is needed.
 The recording is part of the law. Between samples of a steering that was logged seldom, u goes a share
 `smooth` of the way from straight lines to a cubic spline. A steering that steps between samples does so at a
 common `phase` of their interval, which hides the delay. A yaw rate that was sampled seldom is compared at its
-samples. A low-pass of the gyro that is not known is between the factory's and none.
+samples. A low-pass of the gyro that is not known is between the slowest usual one and none.
 
 Road and wind make an error that is not white: it is whitened by an autoregression of the residual (Ljung,
 System Identification, 7.3), and the covariance counts blocks of `BLOCK` seconds as the independent pieces
@@ -35,13 +35,13 @@ from scipy.optimize import least_squares
 from scipy.signal import butter, lfilter, lfilter_zi
 from scipy.stats import t as student
 
-from rover_sweep.data.recording import ASSUMED, Array, LowPass
+from rover_sweep.data.recording import Array, LowPass
 from rover_sweep.driving.stretches import RATE, DrivenPart
-from rover_sweep.logs.log import GYRO_FACTORY_HZ
 
 BLOCK, SHORT_BLOCK = 5.0, 2.0  # s, longer than a turn's memory; the shorter one in short driving
 BLOCKS = 24  # fewest, before they become shorter
 ORDER = 6  # of the autoregression
+ENOUGH = 1e-6  # relative change of cost or parameters at which a search ends; slow where one is at its bound
 FAST_HZ = 10.0  # of the gyro's low-pass
 SPLIT = 0.18  # sd of the share of the lags that may be a delay instead, or the reverse: they look alike
 OTHER = 0.01  # sd of the share by which the gain changes with the speed for other reasons than understeer
@@ -54,7 +54,6 @@ PIECE = 20.0  # s, of the pieces that are predicted from the others
 UNEVEN = 0.02  # share of the steering in one half, below which the pieces are shorter: `BLOCK`
 FARTHEST = 2.0  # amplitudes, up to which the steering curve bends
 WAY = 0.3  # sd of how far the way between samples is from any mixture of a straight line and a spline
-FACTORY = LowPass(GYRO_FACTORY_HZ, ASSUMED)
 LIMIT = 4.0  # of the whitened error, in its sd; beyond it, a sample counts less (Huber)
 
 NAMES = (
@@ -172,10 +171,10 @@ class _Problem:
             min((self._start(delay, lag) for lag in (0.05, 0.2)), key=self._cost)
             for delay in (0.0, 0.1, 0.25)
         ]  # with a steering that swings, a delay of a period more is a minimum too
-        theta = min((self._search(start) for start in starts), key=lambda found: found[1])[0]
+        theta = min((self.searched(start) for start in starts), key=lambda found: found[1])[0]
         for _ in range(3):
             self.whiten(theta)
-            theta = self._search(theta)[0]
+            theta = self.searched(theta)[0]
         return theta
 
     def _start(self, delay: float, lag: float) -> Array:
@@ -189,7 +188,8 @@ class _Problem:
         theta[0] *= float(x @ y / max(x @ x, 1e-12))
         return theta
 
-    def _search(self, start: Array) -> tuple[Array, float]:
+    def searched(self, start: Array) -> tuple[Array, float]:
+        """The parameters (12,) of the least squares that a start (12,) leads to, and their cost."""
         free = self.free
 
         def errors(x: Array) -> Array:
@@ -200,7 +200,14 @@ class _Problem:
         x0 = np.clip(start, self.low + 1e-9, HIGH - 1e-9)[free]
         bounds = self.low[free], HIGH[free]
         found = least_squares(
-            errors, x0, bounds=bounds, x_scale=self.scale[free], loss="huber", f_scale=LIMIT
+            errors,
+            x0,
+            bounds=bounds,
+            x_scale=self.scale[free],
+            loss="huber",
+            f_scale=LIMIT,
+            ftol=ENOUGH,
+            xtol=ENOUGH,
         )
         theta = start.copy()
         theta[free] = found.x
@@ -303,15 +310,21 @@ class _Problem:
 def _whatever_low_pass(problem: _Problem) -> tuple[Array, Array]:
     """The parameters (12,), and the covariance (12, 12) of a gyro's low-pass that is not known.
 
-    It is between the factory's and none, and these two are the likeliest, so of the spread of a sine.
+    It is between the slowest usual one and none, and these two are the likeliest: the spread of a sine.
     """
-    right = problem.stretches
-    if not any(s.low_pass_unknown for s in right):
-        return problem.solved(), np.zeros((len(NAMES), len(NAMES)))
+    right, middle = problem.stretches, problem.solved()
+    unknown = [s.behind_an_end(slowest=True).low_pass for s in right if s.low_pass_unknown]
+    if not unknown:
+        return middle, np.zeros((len(NAMES), len(NAMES)))
+    if late := min(_constant_delay(slowest) for slowest in unknown):  # fast ones: a delay, or a lag
+        half = np.zeros(len(NAMES))
+        half[3] = min(0.5 * late, middle[3])
+        half[4] = 0.5 * late - half[3]
+        return middle, np.outer(half, half) / 2
     ends = []
-    for low_pass in (FACTORY, None):
-        problem.stretches = tuple(s.behind(low_pass) for s in right)
-        ends.append(problem.solved())
+    for slowest in (True, False):
+        problem.stretches = tuple(s.behind_an_end(slowest) for s in right)
+        ends.append(problem.searched(middle)[0])
     problem.stretches = right
     theta = 0.5 * (ends[0] + ends[1])
     problem.whiten(theta)

@@ -12,7 +12,7 @@ from scipy.ndimage import uniform_filter1d
 
 from rover_sweep.data.recording import ASSUMED, Array, LowPass, Mask, Signal, stretches
 from rover_sweep.logs.find import still_intervals
-from rover_sweep.logs.log import Contradiction, Log, limits_of_steering
+from rover_sweep.logs.log import GYRO_FACTORY_HZ, Contradiction, Log, limits_of_steering
 
 RATE = 50.0  # Hz of the grid: ten times the fastest steering that a rover answers
 SLOWEST = 0.3  # m/s; below it, the noise of the speed is a large share of the speed
@@ -23,6 +23,7 @@ FASTEST_TURN = 6.0  # m/s^2 of V r: beyond it, tyres slide; up to it, the bend o
 LONGEST_SAME = 1.0  # s, of one value of a yaw rate that works
 LEAST_TURN, SPINNING = 1.0, 0.75  # m/s^2 of V r, and share of it in a_y, below which the wheels spin
 FULL = "of full steering"  # unit of a steering in -1 to 1, which is no angle
+OTHER_GYRO_HZ = 20.0  # slowest usual low-pass: of ArduPilot beside Rover; PX4's IMU_GYRO_CUTOFF is 30 to 40
 SAME_RATE = 0.9  # of the grid's; a slower yaw rate is compared at its own samples
 STEP = 0.1  # share of a step that moves in the intervals beside it
 MOSTLY = 0.5  # of the motion in steps, as of a programmed manoeuvre: all may have one phase of the record
@@ -73,12 +74,15 @@ class DrivenPart:
 
     @property
     def low_pass_unknown(self) -> bool:
-        """Whether the low-pass is between the factory's and none."""
+        """Whether the low-pass is between the slowest usual one, of half its cut-off, and none."""
         return self.low_pass is not None and self.low_pass.source == ASSUMED
 
-    def behind(self, low_pass: LowPass | None) -> DrivenPart:
-        """With this low-pass in place of one that is not known."""
-        return replace(self, low_pass=low_pass) if self.low_pass_unknown else self
+    def behind_an_end(self, slowest: bool) -> DrivenPart:
+        """With the slowest low-pass, or none, in place of one that is not known."""
+        if self.low_pass is None or not self.low_pass_unknown:
+            return self
+        slow = replace(self.low_pass, cutoff_hz=0.5 * self.low_pass.cutoff_hz)
+        return replace(self, low_pass=slow if slowest else None)
 
     @property
     def rate(self) -> float:
@@ -119,6 +123,11 @@ class Driving:
     coarse: Signal | None = None
     course: bool = False
     contradictions: tuple[Contradiction, ...] = ()
+
+    @property
+    def low_pass_unknown(self) -> bool:
+        """Whether the low-pass of a gyro is not known."""
+        return any(s.low_pass_unknown for s in self.stretches)
 
     @property
     def speed_sd(self) -> float:
@@ -189,10 +198,9 @@ def _of_log(log: Log) -> tuple[list[DrivenPart], dict[str, float], Array]:
         "the yaw rate stayed at one value": dead & whole & ~still,
     }
     reasons[f"pieces shorter than {SHORTEST:g} s"] = ~used & ~np.any(list(reasons.values()), axis=0)
-    low_pass = log.filters.get("r")
-    if (
-        low_pass is not None and low_pass.source == ASSUMED
-    ):  # its delay is the middle of those of 4 Hz and none
+    low_pass = log.filters.get("r") or _not_recorded(log)
+    if low_pass is not None and low_pass.source == ASSUMED:
+        # its delay is the middle of those of the slowest and none
         low_pass = replace(low_pass, cutoff_hz=2 * low_pass.cutoff_hz)
     between = 1 / steering.rate if steering.rate < STAIRCASE_HZ else 0.0
     steering = _in_steps(steering) if between and _share_of_steps(steering) > MOSTLY else steering
@@ -267,6 +275,13 @@ def _spinning(log: Log, t: Array, v: Array, r: Array) -> Mask:
     clear = error > 6 * np.median(error[turns])
     known = 0.5 < usual < 1.5  # else it is another a_y
     return turns & clear & (ay * np.sign(vr) < SPINNING * usual * np.abs(vr)) if known else none
+
+
+def _not_recorded(log: Log) -> LowPass | None:
+    """The slowest usual low-pass of another system's gyro, which its file does not tell."""
+    if log.parameters or log.vehicle or "course" in log.unsure:
+        return None
+    return LowPass(GYRO_FACTORY_HZ if log.steering[0].unit == "us" else OTHER_GYRO_HZ, ASSUMED)
 
 
 def _near(mask: Mask, seconds: float) -> Mask:

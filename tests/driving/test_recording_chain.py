@@ -124,6 +124,24 @@ def test_an_unknown_low_pass_of_the_gyro_is_part_of_the_interval(logs: dict[str,
         assert high - low > 3 * (ends[1] - ends[0])
 
 
+def test_a_file_of_another_system_does_not_tell_how_its_gyro_is_filtered(
+    logs: dict[str, tuple[Log, ...]],
+) -> None:
+    """Its response time allows for 20 Hz and for none."""
+    (log,) = logs["by hand"]
+    angle = replace(log.steering[0], x=-1e-3 * (log.steering[0].x - 1500.0), unit="rad")
+    foreign = replace(log, steering=(angle,), filters={}, parameters={}, vehicle="")
+    low, high = of_response(answer_from([foreign]))
+    found = [
+        answer_from([replace(foreign, filters={"r": LowPass(hz, "column map")})])
+        .numbers["response_time"]
+        .value
+        for hz in (20.0, 60.0, 400.0)
+    ]
+    assert found == sorted(found)
+    assert low < found[0] and found[-1] < high
+
+
 def of_response(answer: DrivingAnswer) -> tuple[float, float]:
     """The interval of delay and lags together [s], where it is too wide to be said too."""
     assert answer.fit is not None
