@@ -105,12 +105,12 @@ def identify_driving(
     warnings = [n.text for log in logs for n in log.notes if n.level == "warning" or log in foreign]
     notes = [
         *_of_coarse_steering(found.driving.coarse),
-        *([OTHER_GYRO] if foreign and found.driving.low_pass_unknown else []),
         *(left_out_note(refusal).text for refusal in refused),
         *decided,
         *(words for words in warnings if words not in found.reasons),
     ]
     notes.append(origin_remark({log.name: log.steering[0] for log in foreign if log.steering}))
+    notes += [OTHER_GYRO] if foreign and found.driving.low_pass_unknown else []
     return DrivingIdentification(
         **{f.name: getattr(found, f.name) for f in fields(found)},
         sources=tuple(Path(n).name for n in names),
@@ -121,7 +121,7 @@ def identify_driving(
 
 OTHER_GYRO = (
     f"The file does not say how its gyro is filtered: the response time allows for a low-pass of "
-    f"{OTHER_GYRO_HZ:g} Hz ({GYRO_FACTORY_HZ:g} Hz where the steering is in us) or none; give "
+    f"{OTHER_GYRO_HZ:g} Hz ({GYRO_FACTORY_HZ:g} Hz beside a PWM in us) or none; give "
     "filters = {gyro_hz = ..} in a column map"
 )
 
