@@ -120,8 +120,8 @@ def identify_driving(
 
 
 OTHER_GYRO = (
-    f"The file does not say how its gyro is filtered: the response time allows for a low-pass of "
-    f"{OTHER_GYRO_HZ:g} Hz ({GYRO_FACTORY_HZ:g} Hz beside a PWM in us) or none; give "
+    "The file does not say how its gyro is filtered: the response time allows for any low-pass from "
+    f"{OTHER_GYRO_HZ:g} Hz ({GYRO_FACTORY_HZ:g} Hz for a PWM in us) to none. If you know it, give "
     "filters = {gyro_hz = ..} in a column map"
 )
 

@@ -22,14 +22,7 @@ from rover_sweep.data.recording import Array
 from rover_sweep.diagnosis.effects import form_named
 from rover_sweep.diagnosis.posterior.model_fit import with_floor_of
 from rover_sweep.diagnosis.posterior.parameter_intervals import fit_covariance
-from rover_sweep.diagnosis.problem.least_squares import (
-    Fitted,
-    columns_of_runs,
-    cost_of,
-    fit,
-    sensitivities,
-    speed_drift,
-)
+from rover_sweep.diagnosis.problem.least_squares import Fitted, cost_of, fit, sensitivities, with_speed_drift
 from rover_sweep.diagnosis.problem.noise_floor import Floor
 from rover_sweep.diagnosis.problem.residuals import Problem
 from rover_sweep.diagnosis.simulation.augmented import AugmentedModel
@@ -275,8 +268,7 @@ def side_of(
         added = sum(len(added_coordinates(model.law(name))) for name in model.effects)
         if cost_of(bare[0], bare[1]) < cost_of(bare[0], closest) + PENALTY * added:
             plain, closest = bare
-    errors = columns_of_runs(plain, speed_drift(plain, closest))
-    metric = plain.in_metric(np.zeros((plain.size, 1)), errors)
+    metric = with_speed_drift(plain, closest)
     fitted = fit(metric, model, closest.x, closest.free)
     held = {c.name for c in model.free} - {c.name for c in closest.free}
     own = {c.name for name in model.effects for c in added_coordinates(model.law(name))}

@@ -17,7 +17,7 @@ from rover_sweep.comparison.common_model import FittedSide
 from rover_sweep.comparison.differences import Found
 from rover_sweep.data.recording import MOTIONS, Array
 from rover_sweep.diagnosis.held_out import SWEPT, frequency_responses_of, overlay_of
-from rover_sweep.diagnosis.problem.least_squares import columns_of_runs, speed_drift
+from rover_sweep.diagnosis.problem.least_squares import with_speed_drift
 from rover_sweep.diagnosis.problem.noise_floor import Floor, level_of
 from rover_sweep.diagnosis.problem.residuals import Problem, centred, signals_left, whitened, with_floor
 from rover_sweep.diagnosis.residual_maps import channel_name
@@ -143,8 +143,7 @@ def direct(pairs: Sequence[Pair], recordings: FittedSide, simulation: FittedSide
     runs = [p.recorded for p in pairs]
     problem = with_floor(runs, both, levels)
     rows = whitened(problem.rows, runs, gaps)
-    errors = columns_of_runs(problem, speed_drift(problem, model))
-    metric = problem.in_metric(np.zeros((problem.size, 1)), [np.sqrt(2.0) * own for own in errors])
+    metric = with_speed_drift(problem, model, np.sqrt(2.0))  # both sides have it
     return Direct(tuple(pairs), problem, rows, metric.of(rows))
 
 

@@ -245,11 +245,13 @@ class Transformer:
         points, cell = cell_means(signal, self.w, self.w_max)
         points = detrended(points)
         weighted = replace(points, x=points.x * _durations(points))
-        return [self._windowed(weighted, starts, length) / cell for starts, length in self.windows]
+        kernel = _kernel(weighted.t.tobytes(), self.w.tobytes(), self.even)
+        return [self._windowed(weighted, kernel, starts, length) / cell for starts, length in self.windows]
 
-    def _windowed(self, weighted: Signal, starts: Array, length: float) -> Complex:
+    def _windowed(
+        self, weighted: Signal, kernel: Exponentials | EvenExponentials, starts: Array, length: float
+    ) -> Complex:
         t = weighted.t
-        kernel = _kernel(t.tobytes(), self.w.tobytes(), self.even)
         rows = np.empty((starts.size, self.w.size), dtype=complex)
         for i, s in enumerate(starts):
             lo, hi = np.searchsorted(t, (s, s + length))

@@ -409,6 +409,12 @@ def speed_drift(problem: Problem, fitted: Fitted) -> list[Signature]:
     return [one for run in range(len(problem.runs)) for one in _of_run(problem, fitted, run)]
 
 
+def with_speed_drift(problem: Problem, fitted: Fitted, times: float = 1.0) -> Problem:
+    """The problem with that error alone as its tolerances, `times` as large."""
+    own = [times * s for s in columns_of_runs(problem, speed_drift(problem, fitted))]
+    return problem.in_metric(np.empty((problem.size, 0)), own)
+
+
 def _of_run(problem: Problem, fitted: Fitted, index: int) -> Iterator[Signature]:
     run = problem.runs[index]
     rows = [r for r in problem.rows if r.run == index]
